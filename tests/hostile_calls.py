@@ -231,6 +231,7 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "speed": lambda c: c.size(None, 0.5, scale=1.0),
     "keep_orientation": lambda c: c.one(False, True),
     "max_gap": lambda c: c.size(None, 0.5, scale=1.0),
+    "topic": lambda c: c.one(None, odd=("/joint_states", "", 7)),
     "smooth": lambda c: c.one("auto", "none", 0.1, odd=("much", -1.0, math.nan, 1e-9)),
     "static": lambda c: c.one(False, True),
     "enough": lambda c: c.size(0.95, 0.5, 1.0, scale=0.5),

@@ -18,6 +18,7 @@ import typer
 
 import ftforce
 from ftforce import cli
+from ftforce.io.bag import trajectory_bag
 from ftforce.robot.known_robots import known_robots
 from ftforce.trajectory import Path as TipPath
 from mjcf_arms import ARMS
@@ -67,6 +68,9 @@ def write_inputs(folder: Path) -> None:
     os.mkfifo(folder / "pipe")
     q = np.random.default_rng(1).uniform(-1.0, 1.0, (40, 5))
     np.save(folder / "q.npy", q)
+    bag = trajectory_bag([f"joint{i}" for i in range(1, 6)], np.arange(40) * 0.05, {"positions": q})
+    (folder / "rec.mcap").write_bytes(bag)
+    (folder / "cut.mcap").write_bytes(bag[:900])
     np.save(folder / "text.npy", np.array(["a"]))
     arm = ftforce.load_robot("dh5")
     asked = {"force": [8.0, 5.0, 1.0], "output": folder / "stored.zarr", "cell": 1.0, "threads": 1}
@@ -116,21 +120,20 @@ ROBOTS = (
     "ur5",
 )
 ENDINGS = (
-    *(
-        "json",
-        "csv",
-        "xlsx",
-        "tex",
-        "md",
-        "txt",
-        "svg",
-        "html",
-        "npz",
-        "parquet",
-        "zarr",
-        "png",
-        "",
-    ),
+    "json",
+    "csv",
+    "xlsx",
+    "tex",
+    "md",
+    "mcap",
+    "txt",
+    "svg",
+    "html",
+    "npz",
+    "parquet",
+    "zarr",
+    "png",
+    "",
     "json.bak",
 )
 OUT = tuple(f"out.{ending}" for ending in ENDINGS)
@@ -142,12 +145,13 @@ POSTURES = ("paper", "zero", "bent", "sample", "mid-range", "nowhere")
 NUMBERS = ("0.5", "1", "0.1", "0", "1e-9", "1e9", "-1", "3.7")
 VALUES: dict[str, tuple[str, ...]] = {
     "robot": (*ROBOTS, "pand", "nowhere.urdf"),
-    "trajectory": ("rec.csv", "rec.csv", "way.csv", "q.csv", "run.csv"),
+    "trajectory": ("rec.csv", "rec.csv", "way.csv", "q.csv", "run.csv", "rec.mcap", "cut.mcap"),
+    "topic": ("/joint_states", "/nowhere", "joint_states"),
     "sweep": ("stored.zarr", "stored.zarr", "out.zarr"),
     "kernels": ("force", "remapper", "forces"),
     "history": ("run.npz", "run.csv", "run.parquet"),
     "table": ("table.toml", "arm.toml", "limits.toml"),
-    "postures": ("q.csv", "q.npy", "deg.csv", "rec.csv"),
+    "postures": ("q.csv", "q.npy", "deg.csv", "rec.csv", "rec.mcap", "cut.mcap"),
     "limits": (
         "urdf",
         "none",

@@ -273,7 +273,7 @@ def test_files_that_may_not_be_read(arm, tmp_path, form, monkeypatch):
 def test_names_that_end_otherwise(arm, name):
     with pytest.raises(
         InputError,
-        match=r"unknown file extension; expected a posture file \(\.npy, \.csv or \.parquet\)$",
+        match=r"unknown file extension; expected a posture file \(\.npy, \.csv or \.parquet, or",
     ):
         postures_from_file(arm, name)
 
@@ -406,7 +406,6 @@ def test_every_digit_counts(arm, tmp_path_factory, numbers):
         ("0.1,0.2\n3,4\n", "missing columns: j1, j2; expected one column per joint, with its name"),
         ("0.1,0.2\n3,4\n", "with its name; columns found: 0.1, 0.2"),
         ("t,j1,J2\n1,2,3\n", "missing column: j2; expected one column per joint, with its name"),
-        ("j1;j2\n1;2\n", "missing columns: j1, j2; expected one column per joint, with its name"),
         ("j1,j2 [mm]\n1,2\n", "column 'j2 [mm]': unknown unit; use m"),
         ("j1,j2\n1,2\n\n3,4,5\n", "line 4: expected 2 cells, got 3"),
         ("j1,j2\n1,2\n2e9,2\n", "line 3, 'j1': '2e9' is too large"),

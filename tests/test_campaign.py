@@ -366,7 +366,8 @@ def test_racing_and_killed_writers(dh5, tmp_path, tally):
             tally.fails("tracebacks", path, statuses)
         if differences(content(path), content(tmp_path / "alone.zarr")):
             tally.fails("lost bytes", path, "another sweep than that of one writer")
-    said = done.stderr.splitlines()
+    # Beside them stands at most that kernels are compiled, on a machine with other work.
+    said = [line for line in done.stderr.splitlines() if not line.startswith("compiling")]
     assert all("is being written by another sweep (process" in line for line in said)
     assert len(said) == sum(statuses.count(3) for statuses in found["raced"])
     for point, (status, is_whole) in enumerate(found["killed"], start=1):

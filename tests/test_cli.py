@@ -269,6 +269,13 @@ def test_replicate():
     assert len(rows) == 99
 
 
+def test_replicate_takes_another_arm_with_its_chain():
+    told = run("replicate", "--robot", "tiago", "--tip", "arm_tool_link", "--force", "0,0,9")
+    assert "→ arm_tool_link" in told.stdout
+    assert "of the slides (1): J in m/m, torques in N" in " ".join(told.stdout.split())
+    assert "give --robot" in run("replicate", "--tip", "tool", status=2).output
+
+
 def test_replicate_fails_if_a_number_differs(monkeypatch):
     printed = ("-35.02", "-12.33", "26.85", "10.00", "4.00")
     monkeypatch.setattr("ftforce.analysis.paper.PRINTED_TORQUE", printed)

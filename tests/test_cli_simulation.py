@@ -273,7 +273,7 @@ def test_json_holds_no_nan():
 
 
 UNWRITABLE = {
-    "unknown ending": (["-o", "run.xyz"], "must end in .json, .csv, .txt, .svg, .html, .htm, .npz"),
+    "unknown ending": (["-o", "run.xyz"], "must end in .json, .csv, .xlsx, .tex, .md, .txt"),
     "typing error": (["-o", "run.parquett"], "the name must end in"),
     "another form": (["-o", "run.npz", "--format", "csv"], "does not match --format csv"),
     "no folder": (["-o", "nowhere/run.npz"], "cannot be written (No such file or directory)"),

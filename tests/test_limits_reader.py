@@ -206,9 +206,9 @@ BAD_CSV = {
         "line 3: effort of joint3: '1\\n0': expected 1 number, got 2",
     ),
     "open quotes": ('joint,effort\n"3,1\n', "line 2: not valid CSV: unexpected end of data"),
-    "semicolons": (
+    "decimal commas": (
         "joint;effort;brake\n3;10,5;12\n",
-        f"{HEADER} joint;effort;brake; cells are separated by commas",
+        "line 2: effort of joint3: '10,5' is not a number",
     ),
     "more columns": ("joint,effort,brake,speed\n3,1,2,3\n", f"{HEADER} joint,effort,brake,speed"),
     "column twice": ("joint,effort,effort\n3,1,2\n", f"{HEADER} joint,effort,effort"),

@@ -125,7 +125,8 @@ OWN = {
     ("simulate", "robot"), ("simulate", "force"), ("sweep", "samples"), ("compare", "samples"),
     ("sweep", "cell"), ("compare", "cell"), ("sweep", "deg"), ("map", "top"),
     ("capability", "limits"), ("sweep", "limits"), ("compare", "limits"), ("view", "at"),
-    ("map", "at"), ("view", "sweep"), ("map", "sweep"),
+    ("map", "at"), ("view", "sweep"), ("map", "sweep"), ("replicate", "robot"),
+    ("replicate", "force"), ("replicate", "velocity"), ("sweep", "topic"),
 }  # fmt: skip
 
 

@@ -253,7 +253,6 @@ BAD_FILES = {
         "\n".join(PLAIN.splitlines()[1:]),
         f"missing columns: t, j1, j2; {LACKS}; the columns are: '0.0', '0.0', '0.1'",
     ),
-    "semicolons": (PLAIN.replace(",", ";"), f"{HEADER} 't;j1;j2'; cells are separated by commas"),
     "no time": (csv_of("j1,j2", Q), f"missing columns: t; {LACKS}"),
     "joint missing": (csv_of("t,j2", T, T), f"missing columns: j1; {LACKS}"),
     "joints missing": (csv_of("t", T), f"{HEADER} 't'; cells"),

@@ -11,7 +11,7 @@ from ftforce.cli.examples import EXAMPLES
 PANELS = {
     "Faults": "locked free weak faults mode fault joints delay no_remap paper",
     "Postures": "q posture samples method seed postures grid deg",
-    "Trajectory": "start to speed keep_orientation rate max_gap smooth static",
+    "Trajectory": "start to speed keep_orientation rate max_gap topic smooth static",
     "Force and motion": "force torque inverse direction velocity acceleration "
     "joint_friction armature",
     "Weight, limits and friction": "gravity mounted payload limits friction",

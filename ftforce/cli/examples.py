@@ -54,7 +54,7 @@ EXAMPLES = {
     ),
     "replicate": (
         "replicate",
-        "replicate --format csv",
+        "replicate --robot panda --force 0,0,50 -o tables.tex",
     ),
     "warmup": ("warmup", "warmup force remapper"),
 }

@@ -167,6 +167,11 @@ class ChainOptions(Group):
         """
         return {**vars(self), "args": None if self.args is None else dict(map(_pair, self.args))}
 
+    @property
+    def is_given(self) -> bool:
+        """Whether any of the options is given."""
+        return any(value is not None for value in vars(self).values())
+
     def load(self, robot: str, posture: str | None = None) -> "Robot":
         """Load a robot with this chain.
 
@@ -549,8 +554,9 @@ class HistoryOutputs(PlotOutputs):
             "--output",
             "-o",
             metavar="FILE",
-            help="File to write: all instants (.csv .npz .parquet), a summary (.json), or the "
-            "tables (.txt .svg .html); repeat it for more.",
+            help="File to write: all instants (.csv .npz .parquet .xlsx), a trajectory for ROS 2 "
+            "(.mcap), a summary (.json .tex .md), or the tables (.txt .svg .html); repeat it "
+            "for more.",
         ),
     ] = None
 

@@ -30,7 +30,7 @@ class Format(StrEnum):
 
 
 _ENDINGS = ("json", "csv", "xlsx", "tex", "md", "txt", "svg", "html", "htm")
-_HISTORY_ENDINGS = ("npz", "parquet")
+_HISTORY_ENDINGS = ("npz", "parquet", "mcap")
 _MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
 _DATA = ("json", "csv", "xlsx", "tex", "md", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")

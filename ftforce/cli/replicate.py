@@ -4,10 +4,11 @@ from typing import Annotated
 
 import typer
 
-from ftforce.cli.options import Outputs, PostureOptions, numbers
+from ftforce.cli.options import ChainOptions, Outputs, PostureOptions, numbers
 
 
 def replicate(
+    chain: ChainOptions,
     posture: PostureOptions,
     outputs: Outputs,
     robot: Annotated[
@@ -40,17 +41,16 @@ def replicate(
     """
     from ftforce.analysis.paper import paper_tables
     from ftforce.analysis.paper import replicate as compute
-    from ftforce.robot.load import load_robot
     from ftforce.show.tables.replication import replication_view
 
     if robot is None:
-        if posture.is_given or force is not None or velocity is not None:
+        if posture.is_given or chain.is_given or force is not None or velocity is not None:
             raise typer.BadParameter(
-                "posture, force and velocity of the paper are fixed; give --robot"
+                "chain, posture, force and velocity of the paper are fixed; give --robot"
             )
         result = compute()
     else:
-        arm = load_robot(robot, posture=posture.posture)
+        arm = chain.load(robot, posture.posture)
         F, v = numbers(force, "--force"), numbers(velocity, "--velocity")
         result = paper_tables(arm, posture.of(arm), force=F, velocity=v)
     outputs.emit(replication_view(result), result, "ftforce replicate")

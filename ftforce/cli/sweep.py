@@ -65,12 +65,21 @@ def sweep(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Instead of --samples: recorded postures (.npy .csv .parquet), rad or m.",
+            help="Instead of --samples: recorded postures (.npy .csv .parquet, or a bag: .mcap "
+            ".db3 .bag), rad or m.",
         ),
     ] = None,
     deg: Annotated[
         bool, typer.Option("--deg", help="Angles in --postures are in degrees.")
     ] = False,
+    topic: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOPIC",
+            help="Topic of a bag given by --postures.",
+            show_default="the only one that has the joints",
+        ),
+    ] = None,
     grid: Annotated[
         str | None,
         typer.Option(
@@ -121,7 +130,7 @@ def sweep(
     from ftforce.show.tables.sweep import sweep_view
 
     arm = chain.load(robot)
-    source = _source(arm, samples, postures, grid, deg=deg)
+    source = _source(arm, samples, postures, grid, deg=deg, topic=topic)
     store, files = _split(outputs.output or [])
     if keep not in {None, "summary"} and store is None:
         raise typer.BadParameter(f"--keep {keep} needs an --output that ends in .zarr")
@@ -170,7 +179,13 @@ def _split(output: list[Path]) -> tuple[Path | None, list[Path]]:
 
 
 def _source(
-    arm: "Robot", samples: float | None, postures: Path | None, grid: str | None, *, deg: bool
+    arm: "Robot",
+    samples: float | None,
+    postures: Path | None,
+    grid: str | None,
+    *,
+    deg: bool,
+    topic: str | None,
 ) -> "Postures | None":
     """Return the postures from a file or grid; ``None`` if they are to be sampled.
 
@@ -184,10 +199,12 @@ def _source(
         raise typer.BadParameter("give one of --samples, --postures and --grid")
     if deg and postures is None:
         raise typer.BadParameter("--deg requires --postures")
+    if topic is not None and postures is None:
+        raise typer.BadParameter("--topic requires --postures")
     if postures is not None:
         from ftforce.batch.postures.files import postures_from_file
 
-        return postures_from_file(arm, postures, degrees=deg)
+        return postures_from_file(arm, postures, degrees=deg, topic=topic)
     if grid is not None:
         from ftforce.batch.postures.postures import Grid
 

@@ -23,7 +23,8 @@ class TrajectoryOptions(Group):
         str | None,
         typer.Argument(
             metavar="TRAJECTORY",
-            help="A CSV file: t and joint positions, or waypoints x,y,z. Or give --to.",
+            help="A CSV file (t and joint positions, or waypoints x,y,z) or a bag of ROS. Or give "
+            "--to.",
             show_default=False,
         ),
     ] = None
@@ -66,6 +67,14 @@ class TrajectoryOptions(Group):
         ),
     ] = None
 
+    topic: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TOPIC",
+            help="Topic of a bag that holds the motion.",
+            show_default="the only one that has the joints",
+        ),
+    ] = None
     smooth: Annotated[
         str,
         typer.Option(
@@ -111,6 +120,7 @@ class TrajectoryOptions(Group):
             "speed": self.speed if is_file else None,
             "keep_orientation": self.keep_orientation and is_file,
             "max_gap": self.max_gap,
+            "topic": self.topic,
             "smooth": self._smooth(),
             "static": self.static,
         }

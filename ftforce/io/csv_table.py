@@ -93,12 +93,16 @@ class Table(NamedTuple):
         Line number of the start of ``text``, from 1.
     one_line :
         Whether cells with line breaks are rejected.
+    delimiter :
+        What separates the cells: a comma, or a semicolon, a tab or a blank if the header has no
+        comma.
     """
 
     header: tuple[str, ...]
     text: str
     line: int
     one_line: bool = False
+    delimiter: str = ","
 
     @classmethod
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
@@ -121,11 +125,11 @@ class Table(NamedTuple):
         """
         text = _uncommented(text)
         for part in (text[: text.rfind("\n", 0, _PIECE) + 1], text):  # StringIO takes 4 × its size
-            stream = io.StringIO(part, newline="")
+            stream, delimiter = io.StringIO(part, newline=""), _delimiter(part)
             try:
-                for line, cells in _rows(stream, 1, one_line):
+                for line, cells in _rows(stream, 1, one_line, delimiter):
                     rest = text[stream.tell() :]
-                    return cls(tuple(map(str.strip, cells)), rest, line + 1, one_line)
+                    return cls(tuple(map(str.strip, cells)), rest, line + 1, one_line, delimiter)
             except InputError:
                 if part is text:
                     raise
@@ -140,12 +144,35 @@ class Table(NamedTuple):
             The text is not valid CSV, or a row and the header differ in length.
         """
         lines = (found.group() for found in re.finditer(_LINE, self.text))
-        for line, cells in _rows(lines, self.line, self.one_line):
+        for line, cells in _rows(lines, self.line, self.one_line, self.delimiter):
             if len(cells) != len(self.header):
                 raise InputError(
                     f"line {line}: expected {len(self.header)} cells, got {len(cells)}"
                 )
             yield line, cells
+
+    def same_texts(self, columns: Sequence[int]) -> list[str]:
+        """Return the texts in columns that have the same text in all rows.
+
+        Parameters
+        ----------
+        columns :
+            Column indices, from 0.
+
+        Raises
+        ------
+        InputError
+            As `rows`, or a text differs from that in the first row.
+        """
+        first: list[str] = []
+        for line, cells in self.rows():
+            texts = [cells[i].strip() for i in columns]
+            if first and texts != first:
+                i = next(k for k, text in enumerate(texts) if text != first[k])
+                where = f"line {line}, {shortened(self.header[columns[i]])}"
+                raise InputError(f"{where}: {texts[i]!r} instead of {first[i]!r} as above")
+            first = texts
+        return first or [""] * len(columns)
 
     def numbers(
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER
@@ -200,7 +227,7 @@ class Table(NamedTuple):
         kinds = [(str(i), "f8" if i in columns else "U1") for i in range(len(self.header))]
         # NumPy would accept non-ASCII whitespace around a number.
         stream = io.StringIO(self.text.encode("ascii", "replace").decode(), newline="")
-        rows = np.loadtxt(stream, kinds, comments=None, delimiter=",", ndmin=1)
+        rows = np.loadtxt(stream, kinds, comments=None, delimiter=self.delimiter, ndmin=1)
         return np.stack([rows[str(i)] for i in columns], axis=1)
 
     def _numbers_by_arrow(self, columns: Sequence[int]) -> NDArray[np.float64] | None:
@@ -216,7 +243,8 @@ class Table(NamedTuple):
             table = csv.read_csv(
                 BufferReader(self.text.encode("ascii", "replace")),
                 csv.ReadOptions(column_names=names, use_threads=False),
-                convert_options=csv.ConvertOptions(include_columns=wanted, **kinds),
+                csv.ParseOptions(delimiter=self.delimiter),
+                csv.ConvertOptions(include_columns=wanted, **kinds),
             ).combine_chunks()
         except ArrowInvalid:
             return None
@@ -254,8 +282,20 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _rows(stream: Iterable[str], line: int, one_line: bool) -> Iterator[tuple[int, list[str]]]:
-    reader = csv.reader(stream, strict=True, skipinitialspace=True)
+def _delimiter(text: str) -> str:
+    """Return what separates the cells of the first row that is not blank."""
+    found = re.search(r"\S[^\r\n]*", text)
+    first = found.group() if found else ""
+    for mark in ",;\t":
+        if mark in first:
+            return mark
+    return " " if " " in first.strip() and " [" not in first else ","  # t [s] is one cell
+
+
+def _rows(
+    stream: Iterable[str], line: int, one_line: bool, delimiter: str = ","
+) -> Iterator[tuple[int, list[str]]]:
+    reader = csv.reader(stream, strict=True, skipinitialspace=True, delimiter=delimiter)
     begin = line
     try:
         for cells in reader:

@@ -10,6 +10,8 @@ from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ftforce.analysis.analyze import Analysis
 from ftforce.analysis.capability import Capability
 from ftforce.analysis.census import Census
@@ -143,7 +145,11 @@ _document.register(Timeline, timeline_document)
 
 
 FORMATS = ("json", "csv", "xlsx", "tex", "md")
-_HISTORY_FORMATS = (*FORMATS, *(form for form in history_files.FORMATS if form not in FORMATS))
+_HISTORY_FORMATS = (
+    *FORMATS,
+    "mcap",
+    *(form for form in history_files.FORMATS if form not in FORMATS),
+)
 
 
 def save(result: Result, path: str | PathLike[str]) -> Path:
@@ -158,7 +164,7 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
         A result or a robot.
     path :
         The file, with extension ``.json``, ``.csv``, ``.xlsx``, ``.tex`` or ``.md``; for a history
-        also ``.npz`` or ``.parquet``.
+        also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2.
 
     Raises
     ------
@@ -183,7 +189,8 @@ def to_content(result: object, form: str) -> str | bytes:
     result :
         A result or a robot.
     form :
-        ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz`` or ``parquet``.
+        ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz``, ``parquet`` or
+        ``mcap``, a trajectory for ROS 2.
 
     Raises
     ------
@@ -192,7 +199,24 @@ def to_content(result: object, form: str) -> str | bytes:
     """
     if isinstance(result, History) and form in history_files.FORMATS:
         return history_files.history_bytes(result, form, _origin(result))
+    if isinstance(result, History) and form == "mcap":
+        return _trajectory(result)
     return _workbook(result) if form == "xlsx" else to_text(result, form)
+
+
+def _trajectory(history: History) -> bytes:
+    """Return the motion that answers the question, with the torques to command, for a controller.
+
+    Instants from which the arm cannot be held are left out.
+    """
+    from ftforce.io.bag import trajectory_bag
+
+    run = history.answer
+    until = len(history.t) if run.falls_from is None else run.falls_from
+    valid = np.flatnonzero(~np.isnan(run.motor[:until]).any(axis=1))
+    points = {"positions": run.q, "velocities": run.v, "accelerations": run.a, "effort": run.motor}
+    names = [joint.name for joint in history.setting.joints]
+    return trajectory_bag(names, history.t[valid], {k: x[valid] for k, x in points.items()})
 
 
 def _workbook(result: object) -> bytes:

@@ -6,6 +6,7 @@ angles that a driver wrapped to ±π are unwrapped. Whatever was decided is said
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from itertools import islice
@@ -15,7 +16,9 @@ import numpy as np
 
 from ftforce.core.arrays import Matrix, Vector, as_floats, check_finite, is_number, read_only
 from ftforce.errors import DimensionError, InputError, TrajectoryError, listed, printable
+from ftforce.io.bag import is_bag, read_motion
 from ftforce.io.csv_table import POSITION_UNITS, Table, find_columns, split_unit
+from ftforce.io.joint_columns import joint_columns
 from ftforce.io.text import read_text, shortened
 from ftforce.robot.posture import looks_like_degrees
 from ftforce.robot.robot import require_robot
@@ -35,11 +38,14 @@ _KIND = "a CSV file of a trajectory (columns t and joint names, or x,y,z)"
 _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding error
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
 _MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
-_TIMES = ("t", "time", "timestamp", "stamp", "times", "time_s", "seconds", "%time")  # in this order
-_POSITIONS = frozenset({"q", "j", "joint", "pos", "position", "positions", "angle", "theta"})
-_WISHES = frozenset(
-    {"target", "desired", "commanded", "command", "cmd", "goal", "ref", "reference"}
+_SINCE_1970 = 1e8  # s: larger times are counted since then
+_LARGEST_TIME = 1e19  # nanoseconds since 1970 are 1.8e18
+_TIMES = (  # in this order
+    *("t", "time", "timestamp", "stamp", "times", "__time", "seconds", "%time"),
+    *("elapsed", "elapsed_time"),
 )
+_WITH_UNIT = re.compile(r"(?P<word>_*[a-z]+(?:_time)?)_(?P<unit>s|ms|us|ns)")
+_PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanoseconds"))
 _TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
 _SLACK = 1e-6  # rad: limits are often rounded
@@ -117,23 +123,31 @@ class Recording:
 
     @classmethod
     def read(
-        cls, robot: Robot, path: str | PathLike[str], *, max_gap: float | None = None
+        cls,
+        robot: Robot,
+        path: str | PathLike[str],
+        *,
+        max_gap: float | None = None,
+        topic: str | None = None,
     ) -> Recording:
-        """Read a CSV file with a column of times, one per joint, and ``v_`` columns for velocities.
+        """Read a bag of ROS, or a CSV file with a column of times and one per joint.
 
-        A header may carry a unit in brackets: ``t [s]``, ``elbow [deg]``, ``v_elbow [rad/s]``; the
-        defaults are s, rad and m. The times are called ``t``, ``time``, ``timestamp`` or ``stamp``.
-        Columns may have any order, and others are ignored. Where none has the name of a joint,
-        numbered positions (``q1`` …, ``actual_q_0`` …) are taken in the order of the joints.
+        A header of CSV may carry a unit in brackets: ``t [s]``, ``elbow [deg]``,
+        ``v_elbow [rad/s]``; the defaults are s, rad and m. The times are called ``t``, ``time``,
+        ``timestamp``, ``stamp`` or ``__time``; without a unit, counts since 1970 in ns, us or ms
+        are recognised. Velocities are columns ``v_…``. Other names of joint columns are those of
+        ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
 
         Parameters
         ----------
         robot :
             The arm.
         path :
-            The file.
+            The file: CSV, or a bag (``.mcap``, ``.db3``, ``.bag``, or the folder of a bag).
         max_gap :
             As in `Recording.of`.
+        topic :
+            Topic of the bag; by default the only one that has the joints.
 
         Raises
         ------
@@ -141,6 +155,10 @@ class Recording:
             The file cannot be read; a column is missing; a cell is empty or not a number; times do
             not increase or leave a gap; an angle jumps by a turn that its limits do not allow.
         """
+        if is_bag(path):
+            return _from_bag(robot, path, max_gap, topic)
+        if topic is not None:
+            raise TrajectoryError(path, f"is not a bag, so it has no topic {topic!r}")
         return recording_of(robot, Sheet.read(path), max_gap)
 
     def warnings(self, names: Sequence[str]) -> Iterator[str]:
@@ -208,20 +226,22 @@ class Sheet(NamedTuple):
         """Whether the file is a list of waypoints rather than a joint motion."""
         return sorted(split_unit(cell)[0].lower() for cell in self.table.header) == list("xyz")
 
-    def numbers(self, columns: Sequence[int]) -> Matrix:
+    def numbers(self, columns: Sequence[int], largest: float = _LARGEST) -> Matrix:
         """Return columns as numbers, shape (rows, columns).
 
         Parameters
         ----------
         columns :
-            Names of the columns.
+            Indices of the columns, from 0.
+        largest :
+            Largest absolute value accepted.
 
         Raises
         ------
         InputError
             There are no rows, or a cell is empty or not a number.
         """
-        values = self.table.numbers(columns, _LARGEST)
+        values = self.table.numbers(columns, largest)
         if not len(values):
             raise InputError(_NO_NUMBERS)
         return values
@@ -282,22 +302,46 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         As in `Recording.of`.
     """
     try:
-        columns, notes = _columns(robot, sheet.table.header)
+        times, columns, notes = _columns(robot, sheet)
         numbers, scales = zip(*columns.values(), strict=True)
-        values = sheet.numbers(numbers)
-        values *= scales
-        t = read_only(values[:, 0].copy())
+        k = len(times.columns)
+        values = sheet.numbers((*times.columns, *numbers), _LARGEST_TIME)
+        if np.abs(values[:, k:]).max() > _LARGEST:
+            sheet.numbers(numbers)  # which says where
+        if times.scales != (1.0,) and abs(values[0, 0] * times.scales[0]) > _SINCE_1970:
+            values[:, :k] -= values[0, :k]  # first, which loses no digits
+        values *= (*times.scales, *scales)
+        t = values[:, :k].sum(axis=1)
+        if not times.has_unit:
+            t, unit = _in_seconds(t)
+            notes += (f"the times have no unit and are taken for {unit}",) * bool(unit)
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
-        _check_times(t, max_gap, sheet.place)
+        _check_times(read_only(t), max_gap, sheet.place)
         if (np.diff(t) == 1.0).all():
             notes = (*notes, "the times count seconds one by one; for others, write t [ms] or [us]")
-        q = read_only(values[:, 1 : 1 + robot.n].copy())
+        q = read_only(values[:, k : k + robot.n].copy())
         q, unwrapped = _unwrapped(robot, t, q, sheet.place)
     except InputError as problem:
         raise TrajectoryError(sheet.path, printable(problem)) from None
-    v = read_only(values[:, 1 + robot.n :].copy()) if len(numbers) > 1 + robot.n else None
+    v = read_only(values[:, k + robot.n :].copy()) if len(numbers) > robot.n else None
     return Recording(t, q, v, sheet.path, (*notes, *unwrapped))
+
+
+def _from_bag(
+    robot: Robot, path: str | PathLike[str], max_gap: float | None, topic: str | None
+) -> Recording:
+    """Return the recorded motion in a bag, see `Recording.read`."""
+    try:
+        motion = read_motion(path, robot.names, topic)
+        if len(motion.t) < 4:
+            raise InputError(f"a recording needs 4 or more samples, got {len(motion.t)}")
+        _check_times(motion.t, max_gap, _sample)
+        q, unwrapped = _unwrapped(robot, motion.t, read_only(motion.q), _sample)
+    except InputError as problem:
+        raise TrajectoryError(path, printable(problem)) from None
+    v = None if motion.v is None else read_only(motion.v)
+    return Recording(read_only(motion.t), q, v, printable(path), (*motion.notes, *unwrapped))
 
 
 def _sample(row: int) -> str:
@@ -314,80 +358,96 @@ def _samples(robot: Robot, x: ArrayLike, name: str, count: int) -> Matrix:
 
 
 def _columns(
-    robot: Robot, header: tuple[str, ...]
-) -> tuple[dict[str, tuple[int, float]], tuple[str, ...]]:
-    """Return column number and scale of the time, each joint and each velocity, and a note."""
-    given, header = header, _named_by_number(robot, header)
+    robot: Robot, sheet: Sheet
+) -> tuple[_Times, dict[str, tuple[int, float]], tuple[str, ...]]:
+    """Return the columns of the times, those of the joints with their scales, and notes."""
+    given = sheet.table.header
+    header, notes = joint_columns(given, robot.names, sheet.table.same_texts)
     positions = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     velocities = {
         f"v_{name}": {unit and f"{unit}/s": scale for unit, scale in units.items()}
         for name, units in positions.items()
     }
-    time = _time_column(header, {**positions, **velocities})
-    units = {time: _TIME_UNITS, **positions, **velocities}
-    found = find_columns(header, units)
-    if missing := [name for name in (time, *robot.names) if name not in found]:
+    units = {**positions, **velocities}
+    times, found = _time_columns(header, units), find_columns(header, units)
+    missing = [name for name in robot.names if name not in found]
+    if times is None or missing:
         raise InputError(
-            f"missing columns: {', '.join(missing)}; a recording needs t and every joint: "
-            f"{robot.numbered()}; the columns are: {listed(map(shortened, given))}"
+            f"missing columns: {', '.join(['t'] * (times is None) + missing)}; a recording needs t "
+            f"and every joint: {robot.numbered()}; the columns are: {listed(map(shortened, given))}"
         )
-    if 1 + robot.n < len(found) < len(units):
+    if robot.n < len(found) < len(units):
         raise InputError(
             "contains velocities of some joints only; give those of all joints or of none"
         )
-    notes = [f"the times are column {shortened(time)}"] * (time != "t")
-    if given != header:
-        ends = (shortened(given[found[robot.names[i]][0]]) for i in (0, -1))
-        taken = f"columns {' to '.join(ends)} are taken for the joints 1 to {robot.n}"
-        notes.append(f"{taken}, as no column has the name of a joint")
-    numbers = {number for number, _ in found.values()}
-    rest = [shortened(cell) for i, cell in enumerate(header) if i not in numbers]
+    said = [f"the times are column {shortened(times.name)}"] * (times.name != "t")
+    numbers = {*times.columns, *(number for number, _ in found.values())}
+    rest = [shortened(cell) for i, cell in enumerate(given) if i not in numbers]
     if rest:
-        notes.append(f"columns that are no times or joints are ignored: {listed(rest)}")
+        said.append(f"columns that are no times or joints are ignored: {listed(rest)}")
     ordered = {name: found[name] for name in units if name in found}
-    return ordered, ("; ".join(notes),) if notes else ()
+    said = [*said[:-1], *notes, *said[-1:]] if rest else [*said, *notes]
+    return times, ordered, ("; ".join(said),) if said else ()
 
 
-def _named_by_number(robot: Robot, header: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the header with names of joints in place of numbers, if it has none of their names.
+class _Times(NamedTuple):
+    """The columns of the times, one or seconds and nanoseconds, and their factors."""
 
-    Measured positions that are numbered from 0 or 1, such as ``actual_q_0`` or ``q1``, are those of
-    the joints in their order, if there is one such group of columns and it has all numbers.
+    columns: tuple[int, ...]
+    scales: tuple[float, ...]
+    name: str
+    has_unit: bool
+
+
+def _time_columns(header: tuple[str, ...], joints: Mapping[str, object]) -> _Times | None:
+    """Return the columns of the times; ``None`` if there are none.
+
+    Raises
+    ------
+    InputError
+        The unit is unknown, or a column appears twice.
     """
-    names = [split_unit(cell) for cell in header]
-    if any(
-        cell in robot.names or name in robot.names
-        for cell, (name, _) in zip(header, names, strict=True)
-    ):
-        return header
-    groups: dict[str, dict[int, int]] = {}
-    for i, (name, _) in enumerate(names):
-        stem = name.rstrip("0123456789")
-        number = name[len(stem) :]
-        words = re.findall("[a-z]+", stem.lower())
-        if number and words and words[-1] in _POSITIONS and _WISHES.isdisjoint(words):
-            groups.setdefault(stem, {})[int(number)] = i
-    fitting = [
-        [group[number] for number in sorted(group)]
-        for group in groups.values()
-        if sorted(group) in (list(range(robot.n)), list(range(1, robot.n + 1)))
-    ]
-    if len(fitting) != 1:
-        return header
-    found = list(header)
-    for joint, i in zip(robot.names, fitting[0], strict=True):
-        found[i] = f"{joint} [{names[i][1]}]" if names[i][1] else joint
-    return tuple(found)
-
-
-def _time_column(header: tuple[str, ...], joints: Mapping[str, object]) -> str:
-    """Return the name of the column of times, ``t`` if there is none."""
-    names = [split_unit(cell)[0] for cell in header if cell not in joints]
+    candidates: dict[str, list[tuple[int, str, str]]] = {}
+    for i, cell in enumerate(header):
+        name, unit = split_unit(cell)
+        if cell in joints or name in joints:
+            continue
+        word = re.split(r"[/.]", name)[-1].lower()
+        if found := _WITH_UNIT.fullmatch(word):
+            word, unit = found["word"], unit or found["unit"]
+        candidates.setdefault(word, []).append((i, name, unit))
     for word in _TIMES:
-        for name in names:
-            if name not in joints and name.lower() == word:
-                return name
-    return "t"
+        if not (given := candidates.get(word)):
+            continue
+        if len(given) > 1:
+            raise InputError(f"column {given[0][1]!r} appears twice")
+        i, name, unit = given[0]
+        if unit not in _TIME_UNITS:
+            known = " or ".join(filter(None, _TIME_UNITS))
+            raise InputError(f"column {header[i]!r}: unknown unit; use {known}")
+        return _Times((i,), (_TIME_UNITS[unit],), name, bool(unit))
+    for whole, part in _PAIRS:
+        seconds, rest = candidates.get(whole, ()), candidates.get(part, ())
+        if len(seconds) == len(rest) == 1:
+            columns = (seconds[0][0], rest[0][0])
+            return _Times(columns, (1.0, 1e-9), f"{seconds[0][1]} and {rest[0][1]}", True)
+    return None
+
+
+def _in_seconds(t: Vector) -> tuple[Vector, str]:
+    """Return times without a unit in s, and what they were taken for; empty for s.
+
+    Counts of nanoseconds, microseconds or milliseconds since 1970 are told by their size, others by
+    whole steps that no recorder of joints makes in seconds.
+    """
+    size, steps = float(np.median(np.abs(t))), np.diff(t)
+    usual = float(np.median(np.abs(steps))) if len(steps) else 0.0
+    is_whole = bool((t == np.floor(t)).all())
+    for unit, since_1970, step in (("ns", 1e17, 1e5), ("us", 1e14, 1e3), ("ms", 1e11, math.inf)):
+        if size > since_1970 or (is_whole and usual >= step):
+            start = t[0] if size > since_1970 else 0.0
+            return (t - start) * _TIME_UNITS[unit], unit
+    return t, ""
 
 
 def _unwrapped(

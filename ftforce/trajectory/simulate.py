@@ -84,6 +84,7 @@ def simulate(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    topic: str | None = None,
     smooth: Smooth = "auto",
     static: bool = False,
     rtol: float = RTOL,
@@ -119,6 +120,8 @@ def simulate(
         Samples per second; by default 100 along a path, or the recording's own times.
     speed, keep_orientation :
         Largest speed, m/s, and whether the tip keeps its orientation; for waypoints from a file.
+    topic :
+        For a bag: the topic of the motion; by default the only one that has the joints.
     max_gap :
         Longest time between two samples of a recording from a file, s; by default ten times the
         median step.
@@ -188,6 +191,7 @@ def simulate(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        topic=topic,
         smooth=smooth,
         static=static,
         problem=question.problem_in,

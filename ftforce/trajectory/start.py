@@ -11,6 +11,7 @@ import numpy as np
 from ftforce.core.arrays import Vector, is_number, read_only
 from ftforce.core.smoothing import suffices
 from ftforce.errors import InputError
+from ftforce.io.bag import is_bag
 from ftforce.robot.inverse_kinematics import check_reach, posture_at
 from ftforce.robot.kinematics import tip_pose
 from ftforce.robot.posture import Posture, choose_posture
@@ -81,6 +82,7 @@ def start_of(
     max_gap: float | None = None,
     smooth: Smooth = "auto",
     static: bool = False,
+    topic: str | None = None,
     problem: Problem | None = None,
 ) -> Start:
     """Return the reference trajectory, initial posture and sample times of a trajectory.
@@ -90,7 +92,8 @@ def start_of(
     robot :
         The arm.
     trajectory :
-        A `Path`, a `Recording`, or a CSV file of either (``x,y,z``, or ``t`` and joint columns).
+        A `Path`, a `Recording`, a CSV file of either (``x,y,z``, or ``t`` and joint columns), or a
+        bag.
     q, posture :
         Initial guess for the posture at the start of a path, as in `ftforce.analyze`; not allowed
         with a recording.
@@ -102,6 +105,8 @@ def start_of(
         For a recording read from a file, as in `Recording.read`.
     smooth, static :
         As in `ftforce.simulate`.
+    topic :
+        For a bag, as in `Recording.read`.
     problem :
         Says why the question cannot be answered in a posture, for the default posture.
 
@@ -116,15 +121,18 @@ def start_of(
         raise InputError(f"the rate in samples per second must be positive, got {rate!r}")
     given = trajectory
     if isinstance(given, (str, PathLike)):
-        given = _from_file(robot, given, speed, max_gap, keep_orientation=keep_orientation)
+        if is_bag(given) or topic is not None:
+            given = Recording.read(robot, given, max_gap=max_gap, topic=topic)
+        else:
+            given = _from_file(robot, given, speed, max_gap, keep_orientation=keep_orientation)
         if isinstance(given, Path):
             speed, keep_orientation = None, False
         else:
-            max_gap = None
-    if speed is not None or keep_orientation or max_gap is not None:
+            max_gap = topic = None
+    if speed is not None or keep_orientation or max_gap is not None or topic is not None:
         raise InputError(
-            "speed and keep_orientation apply to a file of waypoints, max_gap to a file of a "
-            "recorded motion; a Path or a Recording defines its own"
+            "speed and keep_orientation apply to a file of waypoints, max_gap and topic to a file "
+            "of a recorded motion; a Path or a Recording defines its own"
         )
     if isinstance(given, Recording):
         if q is not None or posture is not None:
@@ -135,7 +143,9 @@ def start_of(
     if smooth != "auto":
         raise InputError("smooth applies to a recorded motion; a path is smooth")
     if not isinstance(given, Path):
-        raise InputError(f"a trajectory must be a Path, a Recording or a CSV file, got {given!r}")
+        raise InputError(
+            f"a trajectory must be a Path, a Recording, a CSV file or a bag, got {given!r}"
+        )
     start = _along(robot, given, choose_posture(robot, q, posture, problem=problem), rate or _RATE)
     return start._replace(is_static=static, notes=(_STATIC,) * static)
 

@@ -245,6 +245,7 @@ def timeline(
     speed: float | None = None,
     keep_orientation: bool = False,
     max_gap: float | None = None,
+    topic: str | None = None,
     smooth: Smooth = "auto",
     static: bool = False,
     rtol: float = RTOL,
@@ -255,7 +256,7 @@ def timeline(
 
     Parameters
     ----------
-    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap, smooth, static :
+    robot, trajectory, q, posture, rate, speed, keep_orientation, max_gap, topic, smooth, static :
         As in `ftforce.simulate`; the motion is that of the healthy arm.
     faults :
         Size of the largest fault sets.
@@ -321,6 +322,7 @@ def timeline(
         speed=speed,
         keep_orientation=keep_orientation,
         max_gap=max_gap,
+        topic=topic,
         smooth=smooth,
         static=static,
         problem=question.problem_in,

@@ -11,10 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
+
 from ftforce.batch.postures.csv import CsvReader, open_csv
 from ftforce.batch.postures.npy_parquet import matched, open_npy, open_parquet
 from ftforce.batch.postures.postures import checked_block
+from ftforce.core.arrays import read_only
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
+from ftforce.io.bag import ENDINGS, read_motion
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,8 +27,8 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.robot.robot import Robot
 
-_FORMATS = ("npy", "csv", "parquet")
-_KIND = "a posture file (.npy, .csv or .parquet)"
+_FORMATS = ("npy", "csv", "parquet", *(ending[1:] for ending in ENDINGS))
+_KIND = "a posture file (.npy, .csv or .parquet, or a bag: .mcap, .db3 or .bag)"
 
 
 class Reader(Protocol):
@@ -147,9 +151,9 @@ class FilePostures:
 
 
 def postures_from_file(
-    robot: Robot, path: str | PathLike[str], *, degrees: bool = False
+    robot: Robot, path: str | PathLike[str], *, degrees: bool = False, topic: str | None = None
 ) -> FilePostures:
-    """Open a file of postures, which may be larger than memory.
+    """Open a file of postures, which may be larger than memory unless it is a bag.
 
     CSV files (with a header) and Parquet files have one named column per joint, in any order;
     other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
@@ -160,9 +164,11 @@ def postures_from_file(
     robot :
         The arm.
     path :
-        The file, with extension ``.npy``, ``.csv`` or ``.parquet``.
+        The file, with extension ``.npy``, ``.csv``, ``.parquet``, ``.mcap``, ``.db3`` or ``.bag``.
     degrees :
-        Whether angles without a unit are in degrees.
+        Whether angles without a unit are in degrees; those of a bag never are.
+    topic :
+        Topic of a bag; by default the only one that has the joints.
 
     Raises
     ------
@@ -182,12 +188,17 @@ def postures_from_file(
     form = Path(path).suffix.lower().removeprefix(".")
     if form not in _FORMATS:
         raise InputError(f"{printable(path)}: unknown file extension; expected {_KIND}")
+    is_bag = f".{form}" in ENDINGS
+    if (topic is not None and not is_bag) or (degrees and is_bag):
+        what = "degrees" if is_bag else f"topic {topic!r}"
+        raise InputError(f"{printable(path)}: a .{form} file has no {what}")
     try:
         file = _checked_file(path)
         stamp = Stamp.of(file)
         if not stamp.size:
             raise InputError(f"is empty; expected {_KIND}")
-        postures = FilePostures(file, *_OPEN[form](robot, file, degrees), stamp, _sha256(file))
+        opened = _open_bag(robot, file, topic) if is_bag else _OPEN[form](robot, file, degrees)
+        postures = FilePostures(file, *opened, stamp, _sha256(file))
         postures._check_unchanged()
     except MemoryError:
         raise
@@ -230,6 +241,25 @@ def _open_csv(robot: Robot, path: str, degrees: bool) -> tuple[CsvReader, Vector
         return columns
 
     return open_csv(path, choose), scales[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """Postures that were read as a whole, as those of a bag are."""
+
+    q: Matrix
+
+    @property
+    def count(self) -> int:
+        """Number of postures."""
+        return len(self.q)
+
+    def read(self, path: str, start: int, stop: int) -> Matrix:  # noqa: ARG002 # of the protocol
+        return self.q[start:stop].copy()
+
+
+def _open_bag(robot: Robot, path: str, topic: str | None) -> tuple[_Read, Vector]:
+    return _Read(read_motion(path, robot.names, topic).q), read_only(np.ones(robot.n))
 
 
 _OPEN: dict[str, Callable[[Robot, str, bool], tuple[Reader, Vector]]] = {

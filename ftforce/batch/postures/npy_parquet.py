@@ -12,6 +12,7 @@ import numpy as np
 from ftforce.core.arrays import read_only
 from ftforce.errors import FtforceError, InputError, listed
 from ftforce.io.csv_table import POSITION_UNITS, find_columns
+from ftforce.io.joint_columns import joint_columns
 from ftforce.io.text import LARGEST_NUMBER
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     InputError
         A joint is missing, appears twice, or has an invalid unit.
     """
+    header, _ = joint_columns(header, robot.names)
     units = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     if degrees:
         units = {name: {**known, "": known.get("deg", 1.0)} for name, known in units.items()}

@@ -46,8 +46,9 @@ def facts(pairs: Iterable[tuple[str, str]]) -> Table:
 
 def arm_facts(name: str, arm: Robot | SweepSetting | Setting) -> list[tuple[str, str]]:
     """Return the arm with its base and tip, and how the tip was chosen."""
+    joints = "1 joint" if len(arm.joints) == 1 else f"{len(arm.joints)} joints"
     return [
-        ("Robot", f"{name}: {len(arm.joints)} joints, {arm.base} → {arm.tip}"),
+        ("Robot", f"{name}: {joints}, {arm.base} → {arm.tip}"),
         ("Tip", tip_in_words(arm)),
     ]
 

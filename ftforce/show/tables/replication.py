@@ -46,12 +46,15 @@ def _asked(result: Replication) -> list[tuple[str, str]]:
     healthy = result.healthy
     velocity = healthy.question.conditions.velocity
     assert velocity is not None
+    slides = [str(joint.number) for joint in healthy.robot.joints if joint.unit == "m"]
+    units = f"of the slides ({', '.join(slides)}): J in m/m, torques in N, velocity in m/s"
     return [
         *arm_facts(healthy.robot.name, healthy.robot),
         *task_facts(healthy.task),
         ("Posture", healthy.posture.source),
         force_fact(healthy.task, healthy.question.force),
-        ("Velocity", ", ".join(f"{v:g}" for v in velocity.tolist()) + " rad/s (m/s of a slide)"),
+        ("Velocity", ", ".join(f"{v:g}" for v in velocity.tolist()) + " rad/s"),
+        *([("Units", units)] if slides else []),
     ]
 
 
