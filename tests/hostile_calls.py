@@ -287,7 +287,7 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "density": lambda c: c.size(None, 2700.0, scale=1e3),
 }
 PATHS = ("pandas", "nowhere.urdf", ".", "/dev/null", "", "a\x00b", "~", "x" * 300)
-ENDINGS = ("json", "csv", "npz", "parquet", "txt")
+ENDINGS = ("json", "csv", "xlsx", "tex", "md", "npz", "parquet", "txt")
 NO_FILES = ("a", "no/a.json", ".json", "a.zarr", "x" * 300 + ".json")
 
 

@@ -4,15 +4,20 @@ import csv
 import hashlib
 import io
 import json
+import os
+import re
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import openpyxl
+import pyarrow.parquet as pq
 import pytest
+from PIL import Image
 from pylatexenc.latexwalker import LatexWalker
 
 import ftforce
@@ -20,6 +25,8 @@ from ftforce.errors import InputError
 from ftforce.report import spreadsheet
 from ftforce.report.files import to_content, to_dict, to_rows, to_text
 from ftforce.report.text_tables import to_latex, to_markdown
+from ftforce.show.figures import figure_bytes
+from test_cli import run
 from urdfs import write
 
 NASTY = ["=1+1", "@x", "a_b&c%d#e$f^g~h{i}j\\k", "|pipe|`<b>", "é ü 漢", "+1", "'"]
@@ -73,6 +80,8 @@ def test_a_workbook_holds_the_rows_as_numbers_and_texts(results, name):
     about = dict(others[-1][1][1:])
     assert others[-1][0] == "about"
     assert about["version"] == ftforce.__version__
+    if name != "replication":
+        assert {key for key in about if key.startswith("units ")}
     assert content == to_content(result, "xlsx")  # the same bytes
 
 
@@ -106,6 +115,8 @@ def test_the_date_of_a_workbook_is_that_of_the_source(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
     dated = spreadsheet.workbook(rows)
     assert openpyxl.load_workbook(io.BytesIO(dated)).properties.created.year == 2023
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "9" * 20)
+    assert openpyxl.load_workbook(io.BytesIO(spreadsheet.workbook(rows))).properties.created
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     assert spreadsheet.workbook(rows) == plain
 
@@ -147,6 +158,32 @@ def test_latex_has_units_of_siunitx_and_escapes_texts():
     LatexWalker(text, tolerant_parsing=False).get_latex_nodes()
 
 
+def test_latex_has_the_letters_and_signs_that_pdflatex_lacks(results):
+    """So all of our own tables compile; scripts other than Latin need another engine."""
+    rows = [("Ẋ", "unit"), ("‖τ₂‖ = Jᵀ −1.5²", "N·m"), ('"é" a--b,,c', None), ("漢", "rad")]
+    text = to_latex([tuple(row) for row in rows], [])
+    head, first, second, third = [x for x in text.splitlines() if x.endswith("\\\\")]
+    assert head == "{\\.{X}} & {unit} \\\\"
+    assert "{$\\|$$\\tau$$_{2}$$\\|$ = J$^{T}$ $-$1.5$^{2}$} & {\\unit{\\newton\\metre}}" in first
+    assert second == "{{\\char34}\\'{e}{\\char34} a-{}-b,{},c} &  \\\\"
+    assert third == "{漢} & {\\unit{\\radian}} \\\\"
+    ours = [to_text(result, "tex").splitlines() for result in results.values()]
+    assert all(line.isascii() for text in ours for line in text if not line.startswith("%"))
+
+
+def test_a_result_without_rows_is_a_file_nevertheless():
+    assert to_latex([("a", "b")], [("robot", "x")]) == "% robot: x\n% no rows\n"
+    assert to_markdown([], [("robot", "x")]) == "robot x\n"
+
+
+def test_known_robots_are_one_table(dh5):
+    (first, *_), (*_, last) = [list(csv.DictReader(io.StringIO(to_text([dh5, dh5], "csv"))))] * 2
+    assert (first["robot"], first["joint"]) == ("dh5", dh5.names[0])
+    assert last["joint"] == dh5.names[-1]
+    with pytest.raises(InputError, match="a list can be written if it is of robots, not int"):
+        to_content([1], "xlsx")
+
+
 def test_markdown_is_a_table_of_pipes():
     rows = [("joint", "torque [N·m]"), *((name, 1.23456) for name in NASTY)]
     head, rule, *body = to_markdown(rows, [("robot", "a|b")]).splitlines()
@@ -172,7 +209,7 @@ def test_the_table_of_a_census_leaves_the_settings_to_the_line_below(results):
 @pytest.mark.parametrize("name", NAMES)
 def test_rows_of_all_results_can_be_pooled(results, name):
     if name == "history":
-        return  # its CSV is read back, and holds its setting
+        return  # see the next test
     rows = list(csv.DictReader(io.StringIO(to_text(results[name], "csv"))))
     for row in rows:
         assert row["version"] == ftforce.__version__
@@ -182,6 +219,31 @@ def test_rows_of_all_results_can_be_pooled(results, name):
     assert len({row["posture"] for row in rows}) == 1
 
 
+@pytest.mark.parametrize("form", ["csv", "npz", "parquet"])
+def test_a_stored_history_tells_where_it_comes_from(results, tmp_path, form):
+    run = results["history"]
+    path = ftforce.save(run, tmp_path / f"run.{form}")
+    if form == "csv":
+        about = next(csv.DictReader(io.StringIO(path.read_text("utf-8"))))["about"]
+    elif form == "npz":
+        about = str(np.load(path)["about"])
+    else:
+        about = pq.read_schema(path).metadata[b"ftforce"]
+    told = json.loads(about)["provenance"]
+    assert told == to_dict(run)["provenance"]
+    assert told["version"] == ftforce.__version__
+    assert to_dict(ftforce.load_history(path)) == to_dict(run)
+
+
+def test_the_arms_of_a_comparison_have_their_digests(results):
+    rows = list(csv.DictReader(io.StringIO(to_text(results["comparison"], "csv"))))
+    for row, arm in zip(rows, to_dict(results["comparison"])["arms"], strict=True):
+        path = ftforce.load_robot(row["robot"]).path
+        assert row["robot_sha256"] == hashlib.sha256(Path(path).read_bytes()).hexdigest()
+        assert arm["robot_sha256"] == row["robot_sha256"]
+    assert rows[0]["robot_sha256"] not in to_text(results["comparison"], "md")
+
+
 def test_the_posture_of_pooled_rows_has_all_digits(results):
     (row, *_) = csv.DictReader(io.StringIO(to_text(results["census"], "csv")))
     assert [float(q) for q in row["posture"].split()] == results["census"].posture.q.tolist()
@@ -189,13 +251,18 @@ def test_the_posture_of_pooled_rows_has_all_digits(results):
 
 def test_the_file_of_the_robot_is_told_by_its_digest(results, tmp_path):
     digest = hashlib.sha256(Path(results["robot"].path).read_bytes()).hexdigest()
-    for name in ("robot", "analysis", "capability", "census", "timeline", "replication"):
+    for name in (name for name in NAMES if name != "comparison"):
         assert to_dict(results[name])["provenance"]["robot_sha256"] == digest
-    assert to_dict(results["sweep"])["provenance"]["robot_sha256"] is None
     gone = ftforce.load_robot(write(tmp_path, Path(results["robot"].path).read_text("utf-8")))
     Path(gone.path).unlink()
     assert to_dict(gone)["provenance"]["robot_sha256"] is None
     assert to_dict(replace(gone, path=""))["provenance"]["robot_sha256"] is None
+
+
+def test_a_pipe_is_not_read_again(dh5, tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    assert to_dict(replace(dh5, path=str(pipe)))["provenance"]["robot_sha256"] is None
 
 
 @pytest.mark.parametrize("program", ["/usr/bin/ftforce", "/x/ftforce/__main__.py"])
@@ -232,3 +299,73 @@ def test_without_a_force_there_is_nothing_to_command(dh5):
     census = ftforce.census(dh5)
     assert {one["torque"] for one in to_dict(census)["sets"]} == {None}
     json.loads(to_text(census, "json"))
+
+
+# ---- several files ---------------------------------------------------------------------------
+
+
+def test_files_of_all_kinds_come_with_one_call_and_the_verdict(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names = [f"a.{ending}" for ending in ("json", "csv", "xlsx", "tex", "md", "txt", "svg")]
+    outputs = [word for name in names for word in ("-o", name)]
+    result = run("analyze", "dh5", "--locked", "2,4", "--force", "80,50,10", *outputs)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    assert "TOLERATED" in result.output.upper()
+    assert [line for line in result.output.splitlines() if line.startswith("wrote")] == [
+        f"wrote {name}" for name in names
+    ]
+
+
+def test_a_result_too_large_for_excel_is_in_the_other_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(spreadsheet, "MAX_ROWS", 3)
+    result = run("census", "dh5", "-o", "a.xlsx", "-o", "a.csv", status=1)
+    assert "error: the sheet 'census' would have 7 rows" in result.output
+    assert "wrote a.csv" in result.output
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]
+
+
+def test_what_is_missing_for_a_file_is_said_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xlsxwriter", None)
+    monkeypatch.setattr("ftforce.analysis.census.census", None)  # would fail in another way
+    monkeypatch.chdir(tmp_path)
+    result = run("census", "dh5", "-o", "a.csv", "-o", "a.xlsx", status=1)
+    assert "pip install 'ftforce[report]'" in result.output
+    assert not list(tmp_path.iterdir())
+
+
+def test_another_arm_has_no_errata_of_the_paper():
+    other = ftforce.analysis.paper.paper_tables(ftforce.load_robot("panda"))
+    assert {check.erratum for check in other.checks} == {""}
+    head = to_text(other, "md").splitlines()[0]
+    assert head == "| table | row | column | computed | outcome |"
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_a_plot_tells_where_it_comes_from(results, monkeypatch, form):
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/ftforce", "capability", "é<&.urdf"])
+    result = results["capability"]
+    data = figure_bytes(result, f"a.{form}")
+    assert data == figure_bytes(result, f"a.{form}")
+    if form == "png":
+        told = " ".join(Image.open(io.BytesIO(data)).text.values())
+    elif form == "svg":
+        told = " ".join(ElementTree.fromstring(data.decode()).itertext())
+    else:
+        texts = re.findall(rb"\((\xfe\xff(?:\\.|[^\\)])*)\)", data, re.DOTALL)
+        told = " ".join(re.sub(rb"\\(.)", rb"\1", one).decode("utf-16") for one in texts)
+        assert b"(ftforce 0" in data
+    assert f"version: {ftforce.__version__}" in told
+    assert "command: ftforce capability 'é<&.urdf'" in told
+    assert to_dict(result)["provenance"]["robot_sha256"] in told
+
+
+def test_a_picture_of_the_terminal_tells_where_it_comes_from(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/ftforce", "inspect", '<&">--'])
+    run("inspect", "dh5", "-o", "a.svg", "-o", "a.html")
+    image = ElementTree.parse("a.svg").getroot()
+    (told,) = [one.text for one in image.iter() if one.tag.endswith("metadata")]
+    assert "command: ftforce inspect '<&\">--'" in told
+    page = Path("a.html").read_text("utf-8")
+    assert "command: ftforce inspect &#x27;&lt;&amp;&quot;&gt;--&#x27;" in page

@@ -299,7 +299,7 @@ def _table_2(healthy: Analysis, printed: Sequence[Sequence[str]]) -> Iterator[Ch
                 column,
                 text,
                 math.nan if computed is None else float(computed[i]),
-                _SHARE_ERRATUM if is_share else "",
+                _SHARE_ERRATUM if is_share and text else "",
                 float(as_printed[i]) if is_share else math.nan,
             )
 

@@ -87,6 +87,8 @@ class SweepSetting(CarriedPayload):
         Warnings about numbers of the URDF that no real arm has and on which the result depends.
     joint_length :
         Travel of a slide that weighs as much as 1 rad of a hinge, m; older sweeps have 1 m.
+    robot_sha256 :
+        SHA-256 of the robot's file; ``None`` without one, and in older sweeps.
     computed_with :
         ``kernels``, the compiled ones, or ``numpy``; both give the same counts.
     """
@@ -125,6 +127,7 @@ class SweepSetting(CarriedPayload):
     payload_mass: float | None = None
     payload_offset: tuple[float, ...] = ()
     payload_inertia: tuple[float, ...] = ()
+    robot_sha256: str | None = None
     computed_with: str = "kernels"
 
     def to_dict(self) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.errors import FtforceError, InputError, check_word
+from ftforce.io.text import file_digest
 from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import reach_bound, task_jacobian, tip_pose
 
@@ -408,6 +409,7 @@ def _setting(
     unknown = () if limits is None else np.flatnonzero(~limits.is_known).tolist()
     return SweepSetting(
         robot=robot.name,
+        robot_sha256=file_digest(robot.path),
         base=robot.base,
         tip=robot.tip,
         tip_source=robot.tip_source,

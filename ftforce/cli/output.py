@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from ftforce.cli.printing import printing, say
-from ftforce.errors import OutputError, printable
+from ftforce.errors import FtforceError, OutputError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,9 +52,15 @@ def check_outputs(
         A file extension is unknown, or contradicts the requested format.
     OutputError
         A file cannot be written.
+    FtforceError
+        What writes a file is not installed.
     """
     for path in output or ():
         _check_ending(command, path, form)
+        if form is None and _ending(path) == "xlsx":
+            from ftforce.report.spreadsheet import needs_xlsxwriter
+
+            needs_xlsxwriter()
     for path in plot or ():
         if _ending(path) not in _PLOT_ENDINGS:
             raise typer.BadParameter(
@@ -142,12 +148,14 @@ def emit(
     ------
     OutputError
         A file cannot be written.
+    FtforceError
+        A file cannot hold the result; the others are written.
     """
     plots = [(path, _plot(result, path)) for path in plot or ()]  # fail before anything is written
-    files = [(path, _content(shown, result, form, path, title)) for path in output or ()]
+    files, unfit = _contents(shown, result, form, output or (), title)
     written, failed = _write(files)
     plotted, not_plotted = _write(plots)
-    if files or form in {None, Format.TABLE}:
+    if output or form in {None, Format.TABLE}:
         if not any(map(_is_stdout, written)):
             _print_tables(shown)
             for path in written:
@@ -158,8 +166,26 @@ def emit(
             typer.echo(f"warning: {printable(warning)}", err=True)
     for path in plotted:  # on stderr, as standard output may carry data
         typer.echo(f"wrote {printable(path)}", err=True)
-    for error in (*failed, *not_plotted):
+    for error in (*unfit, *failed, *not_plotted):
         raise error
+
+
+def _contents(
+    shown: RenderableType,
+    result: object,
+    form: Format | None,
+    output: Sequence[Path],
+    title: str,
+) -> tuple[list[tuple[Path, str | bytes]], list[FtforceError]]:
+    """Return the contents of files, and why some of them cannot hold the result."""
+    files: list[tuple[Path, str | bytes]] = []
+    unfit: list[FtforceError] = []
+    for path in output:
+        try:
+            files.append((path, _content(shown, result, form, path, title)))
+        except FtforceError as error:  # such as too many rows for Excel
+            unfit.append(error)
+    return files, unfit
 
 
 def _write(files: Sequence[tuple[Path, str | bytes]]) -> tuple[list[Path], list[OutputError]]:
@@ -207,7 +233,7 @@ def _content(
     shown: RenderableType, result: object, form: Format | None, output: Path, title: str
 ) -> str | bytes:
     kind = form or _form_of(output)
-    return _picture(shown, output, title) if kind == Format.TABLE else _data(result, kind)
+    return _picture(shown, result, output, title) if kind == Format.TABLE else _data(result, kind)
 
 
 def _data(result: object, form: str) -> bytes:
@@ -229,13 +255,16 @@ def _plot(result: Any, path: Path) -> bytes:
     return figure_bytes(result, path)
 
 
-def _picture(shown: RenderableType, output: Path, title: str) -> str:
+def _picture(shown: RenderableType, result: object, output: Path, title: str) -> str:
+    from ftforce.report.provenance import origin_line
     from ftforce.show import render
 
-    ending = output.suffix.lower()
-    if ending == ".svg":
-        return render.to_svg(shown, title)
-    return render.to_page(shown, title) if ending in {".html", ".htm"} else render.to_text(shown)
+    ending = _ending(output)
+    if ending == "svg":
+        return render.to_svg(shown, title, origin=origin_line(result))
+    if ending in {"html", "htm"}:
+        return render.to_page(shown, title, origin_line(result))
+    return render.to_text(shown)
 
 
 def _ending(path: Path) -> str:

@@ -96,6 +96,25 @@ def read_bytes(path: str | PathLike[str], error: type[FileError], kind: str, lar
     return data
 
 
+def file_digest(path: str | PathLike[str]) -> str | None:
+    """Return the SHA-256 of a file; ``None`` if it is no regular file, such as a pipe, or is gone.
+
+    Parameters
+    ----------
+    path :
+        The file; an empty text is none.
+    """
+    from hashlib import file_digest as digest  # needed only when a result is written
+
+    try:
+        if not S_ISREG(Path(path).stat().st_mode):
+            return None
+        with Path(path).open("rb") as stream:
+            return digest(stream, "sha256").hexdigest()
+    except (OSError, ValueError):
+        return None
+
+
 def text_of(
     data: bytes, path: str | PathLike[str], error: type[FileError], kind: str, declared: str = ""
 ) -> tuple[str, str]:

@@ -21,6 +21,7 @@ from ftforce.report.fields import (
     whole,
 )
 from ftforce.report.measures import MARGIN, RHO
+from ftforce.report.provenance import ROBOT, ROBOT_SHA256
 from ftforce.report.text import NEGLIGIBLE, joined, share, size, vector_in_words
 
 if TYPE_CHECKING:
@@ -169,6 +170,7 @@ _ARMS = (
     Field("rank", "first and last rank: arms whose intervals overlap share theirs", shape="2",
         get=lambda arm: (arm.first, arm.last)),
     *under("setting", (replace(parts.SETTING_ARM[0], key="robot"), *parts.SETTING_ARM[1:])),
+    *under("setting", (ROBOT_SHA256,)),
     Field("sweep", "path of its stored sweep; `null` if it was made for this", get="path"),
     Field("postures", "the analysed postures", get=whole, parts=(
         Field("count", "number analysed", get="postures"),
@@ -266,6 +268,7 @@ def comparison_columns(unit: str = parts.FORCE) -> tuple[Field, ...]:
         *under("one", [capability]),
         *under("arm.workspace", (_REACH, _CELL, *_VOLUMES)),
         *under("arm.setting", (axes, task, length, joint_length, _MODE, *others)),
+        *under("arm.setting", (ROBOT, ROBOT_SHA256)),
     )
 
 

@@ -29,8 +29,14 @@ from ftforce.report.fields import document
 from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
-from ftforce.report.provenance import ORIGIN, POOLED, Provenance
-from ftforce.report.robot import replication_document, replication_rows, robot_document, robot_rows
+from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance, origin_of
+from ftforce.report.robot import (
+    replication_document,
+    replication_rows,
+    robot_document,
+    robot_rows,
+    robots_rows,
+)
 from ftforce.report.sweep import sweep_document, sweep_rows
 from ftforce.report.timeline import timeline_document, timeline_rows
 from ftforce.robot.robot import Robot
@@ -39,6 +45,7 @@ from ftforce.trajectory.history import History
 from ftforce.trajectory.timeline import Timeline
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from os import PathLike
     from typing import TypeAlias
 
@@ -90,6 +97,14 @@ to_rows.register(WorkspaceMap, map_rows)
 to_rows.register(Sweep, sweep_rows)
 
 
+@to_rows.register(list)
+def _rows_of_all(robots: list[Any]) -> list[Row]:
+    for one in robots:
+        if not isinstance(one, Robot):
+            raise InputError(f"a list can be written if it is of robots, not {type(one).__name__}")
+    return robots_rows(robots)
+
+
 def to_dict(result: object) -> Document:
     """Return a result or a robot as a dictionary of plain numbers, lists and strings.
 
@@ -105,7 +120,11 @@ def to_dict(result: object) -> Document:
     InputError
         The object is neither a result nor a robot.
     """
-    return _document(result) | {"provenance": document(ORIGIN, Provenance.of(result))}
+    return _document(result) | {"provenance": _origin(result)}
+
+
+def _origin(result: object) -> Document:
+    return document(ORIGIN, Provenance.of(result))
 
 
 @singledispatch
@@ -179,7 +198,7 @@ def to_content(result: object, form: str) -> str | bytes:
         What writes this format is not installed.
     """
     if isinstance(result, History) and form in history_files.FORMATS:
-        return history_files.history_bytes(result, form)
+        return history_files.history_bytes(result, form, _origin(result))
     if isinstance(result, History) and form == "mcap":
         return _trajectory(result)
     return _workbook(result) if form == "xlsx" else to_text(result, form)
@@ -207,12 +226,32 @@ def _workbook(result: object) -> bytes:
     sheets = [(name, _unsigned(to_rows(result)))]
     if isinstance(result, History):
         sheets.append(("instants", history_files.rows_of(result)))
-    about = [("what", "value"), *_about(result)]
+    about = [("what", "value"), *origin_of(result), *_conventions(result)]
     return workbook([*sheets, ("about", about)])
 
 
+def _conventions(result: object) -> list[tuple[str, str]]:
+    """Return the conventions and units of a result's document as names and texts."""
+    if isinstance(result, list):
+        return []
+    found = _document(result)
+    return list(_flat(found.get("conventions", {"units": found.get("units")})))
+
+
+def _flat(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """Yield names and texts of what a document holds; what is unknown is left out."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _flat(one, f"{name} {key}".strip().replace("_", " "))
+    elif value is not None:
+        yield name, ", ".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+
+
 def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]]:
-    """Return rows without the columns that say the same of all of them, and what these say."""
+    """Return rows without the settings that are the same in all of them, and what these say."""
+    if rows and (digest := ROBOT_SHA256.heading) in rows[0]:  # too long for a table
+        i = rows[0].index(digest)
+        rows = [(*row[:i], *row[i + 1 :]) for row in rows]
     if len(rows) < 2:
         return rows, []
     names = {field.heading for field in SETTING_COLUMNS}
@@ -226,19 +265,13 @@ def _without_settings(rows: list[Row]) -> tuple[list[Row], list[tuple[str, str]]
     return kept, [one for one in said if one[0] != "limits"]  # which the provenance names
 
 
-def _about(result: object) -> list[tuple[str, str]]:
-    """Return where a result comes from, as names and texts; what is unknown is left out."""
-    said = document(POOLED, Provenance.of(result))
-    return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
-
-
 def to_text(result: object, form: str) -> str:
     """Return a result as a JSON document, or as a table in CSV, LaTeX or Markdown.
 
     Parameters
     ----------
     result :
-        A result or a robot; for JSON also a list of them.
+        A result, a robot, or a list of robots.
     form :
         ``json``, ``csv``, ``tex`` or ``md``.
     """
@@ -247,7 +280,7 @@ def to_text(result: object, form: str) -> str:
 
         write = to_latex if form == "tex" else to_markdown
         rows, settings = _without_settings(_unsigned(to_rows(result)))
-        return write(rows, [*_about(result), *settings])
+        return write(rows, [*origin_of(result), *settings])
     if form == "csv":
         return _csv(result)
     found = [to_dict(one) for one in result] if isinstance(result, list) else to_dict(result)

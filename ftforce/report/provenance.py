@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ftforce.__version__ import __version__
 from ftforce.analysis.paper import Replication
 from ftforce.errors import printable
-from ftforce.report.fields import Field
+from ftforce.io.text import file_digest
+from ftforce.report.fields import Field, document
 from ftforce.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -57,21 +58,46 @@ class Provenance(NamedTuple):
 
 
 # fmt: off
+ROBOT = Field("robot", "name of the robot")
+ROBOT_SHA256 = Field("robot_sha256", "SHA-256 of the robot's file; `null` without a file, for "
+    "several robots and for results of older versions")
 ORIGIN = (
     Field("version", "version of ftforce that wrote the file"),
     Field("command", "the command line; `null` in Python"),
-    Field("robot_sha256", "SHA-256 of the robot's file; `null` without a file, for several robots "
-        "and for stored results"),
+    ROBOT_SHA256,
 )
 """Keys of ``provenance`` in JSON."""
 POOLED = (
-    Field("robot", "name of the robot"),
+    ROBOT,
     Field("posture", "the positions along the chain, or a description of many postures"),
     Field("limits", "source of the torque limits in force, or `none`"),
     *ORIGIN,
 )
 """Columns by which rows of several files can be pooled."""
 # fmt: on
+
+
+def origin_of(result: object) -> list[tuple[str, str]]:
+    """Return where a result comes from, as names and texts; what is unknown is left out.
+
+    Parameters
+    ----------
+    result :
+        As of `Provenance.of`.
+    """
+    said = document(POOLED, Provenance.of(result))
+    return [(name.replace("_", " "), str(text)) for name, text in said.items() if text is not None]
+
+
+def origin_line(result: object) -> str:
+    """Return where a result comes from, on one line for the metadata of pictures.
+
+    Parameters
+    ----------
+    result :
+        As of `Provenance.of`.
+    """
+    return "; ".join(f"{name}: {text}" for name, text in origin_of(result))
 
 
 def _command() -> str | None:
@@ -84,20 +110,20 @@ def _command() -> str | None:
 
 
 def _subject(result: Any) -> tuple[Any, str | None, str]:
-    """Return the robot of a result, or its name, its posture or postures, and its limits."""
+    """Return the robot of a result or a setting that names it, its postures, and its limits."""
     if isinstance(result, Robot):
         return result, None, "none"
     if hasattr(result, "arms"):  # a comparison, whose rows name the robots
         setting = result.question
         return (
             None,
-            f"{setting.count} postures within the limits of each arm",
+            f"{setting.count:,} postures within the limits of each arm",
             _named(setting.limits),
         )
     result = getattr(result, "sweep", result)  # of a map
     if (setting := getattr(result, "setting", None)) is not None:
         return (
-            setting.robot,
+            setting,
             getattr(setting, "postures", None) or setting.course,
             _named(setting.limits),
         )
@@ -117,15 +143,10 @@ def _named(limits: str | None) -> str:
     return printable(limits) if limits else "none"
 
 
-def _file_of(robot: Robot | str | None) -> tuple[str | None, str | None]:
+def _file_of(robot: Any) -> tuple[str | None, str | None]:
     """Return the name of a robot, and the SHA-256 of its file."""
-    if not isinstance(robot, Robot):
-        return robot, None
-    if not robot.path:
-        return robot.name, None
-    from hashlib import sha256  # needed only when a file is written
-
-    try:
-        return robot.name, sha256(Path(robot.path).read_bytes()).hexdigest()
-    except OSError:  # moved since it was loaded
-        return robot.name, None
+    if isinstance(robot, Robot):
+        return robot.name, file_digest(robot.path)
+    if robot is None:
+        return None, None
+    return robot.robot, robot.robot_sha256

@@ -53,9 +53,9 @@ _CHECK = (
     Field("table", "table of the paper"),
     Field("row", "row of the table"),
     Field("column", "column of the table"),
-    Field("printed", "text, with all printed digits"),
+    Field("printed", "text, with all printed digits; empty for another arm"),
     Field("computed", "number in the printed unit, by the formula of the paper"),
-    Field("outcome", "`pass`, `erratum` or `fail`"),
+    Field("outcome", "`pass`, `erratum` or `fail`; `computed` for another arm"),
 )
 _ERRATUM = Field("erratum", "the erratum that explains it; `null` or empty if there is none")
 REPLICATION = (
@@ -85,6 +85,12 @@ def replication_document(result: Replication) -> Document:
 def robot_rows(robot: Robot) -> list[Row]:
     """Return a robot as table rows, one per joint."""
     return rows_of(columns(ROBOT_COLUMNS, joint) for joint in robot.joints)
+
+
+def robots_rows(robots: list[Robot]) -> list[Row]:
+    """Return robots as table rows, one per joint, with the name of its robot."""
+    pairs = ((robot, joint) for robot in robots for joint in robot.joints)
+    return rows_of({"robot": robot.name} | columns(ROBOT_COLUMNS, joint) for robot, joint in pairs)
 
 
 def replication_rows(result: Replication) -> list[Row]:

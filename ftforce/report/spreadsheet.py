@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MAX_ROWS, MAX_COLUMNS = 1_048_576, 16_384  # of a sheet
 _LONGEST = 32_767  # characters of a cell
 _WIDEST = 40  # characters of a column
-_EPOCH = 315_532_800  # 1980-01-01, the earliest time in a zip archive
+_EPOCH, _LATEST = 315_532_800, 4_102_444_800  # 1980 and 2100, what dates of archives can be
 
 
 def workbook(sheets: Sequence[tuple[str, Sequence[Row]]]) -> bytes:
@@ -38,10 +38,9 @@ def workbook(sheets: Sequence[tuple[str, Sequence[Row]]]) -> bytes:
     InputError
         A sheet would have more rows or columns than Excel can read.
     """
-    try:
-        import xlsxwriter
-    except ImportError:
-        raise FtforceError("Excel files need xlsxwriter: pip install 'ftforce[report]'") from None
+    needs_xlsxwriter()
+    import xlsxwriter
+
     stream = io.BytesIO()
     options = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}
     book = xlsxwriter.Workbook(stream, {**options, "strings_to_numbers": False})
@@ -56,6 +55,20 @@ def workbook(sheets: Sequence[tuple[str, Sequence[Row]]]) -> bytes:
         _fit(sheet, rows)
     book.close()
     return stream.getvalue()
+
+
+def needs_xlsxwriter() -> None:
+    """Check that xlsxwriter is installed.
+
+    Raises
+    ------
+    FtforceError
+        It is not, and the message says how to install it.
+    """
+    try:
+        import xlsxwriter  # noqa: F401
+    except ImportError:
+        raise FtforceError("Excel files need xlsxwriter: pip install 'ftforce[report]'") from None
 
 
 def _check_size(name: str, rows: Sequence[Row]) -> None:
@@ -96,7 +109,7 @@ def _shown(value: Any) -> str:
 
 def _date() -> datetime:
     try:
-        seconds = max(int(os.environ["SOURCE_DATE_EPOCH"]), _EPOCH)
+        seconds = min(max(int(os.environ["SOURCE_DATE_EPOCH"]), _EPOCH), _LATEST)
     except (KeyError, ValueError):
         seconds = _EPOCH
     return datetime.fromtimestamp(seconds, UTC).replace(tzinfo=None)

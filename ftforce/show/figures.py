@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ftforce.__version__ import __version__
 from ftforce.analysis.capability import Capability
 from ftforce.analysis.census import Census
 from ftforce.batch.comparison import Comparison
@@ -19,6 +20,7 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
+from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
     HIGHEST,
@@ -46,11 +48,12 @@ if TYPE_CHECKING:
     from ftforce.show.plots.timeline import Quantity
     from ftforce.show.plots.trajectory import Kind
 
-# Drops dates and library versions, so that equal results give identical files.
-_METADATA: dict[str, dict[str, Any]] = {
-    "png": {"Software": None},
-    "pdf": {"CreationDate": None, "Producer": None, "Creator": None},
-    "svg": {"Date": None, "Creator": None},
+# Format: key of the program, key of where the result comes from, and what is dropped: dates and
+# versions of libraries, so that equal results give identical files.
+_METADATA: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "png": ("Software", "Comment", ()),
+    "pdf": ("Creator", "Subject", ("CreationDate", "Producer")),
+    "svg": ("Creator", "Description", ("Date",)),
 }
 _GLYPH = re.compile(r"Glyph (\d+) .*missing from", re.DOTALL)  # of matplotlib's warnings
 _MOST_BARS = 40
@@ -133,8 +136,14 @@ def figure_bytes(result: Drawable, path: str | PathLike[str]) -> bytes:
     with rc_context(settings), _missing_glyphs():
         drawn, stream = figure(result), io.BytesIO()
         _settle(drawn)
-        drawn.savefig(stream, format=form, dpi=300, metadata=_METADATA[form])
+        drawn.savefig(stream, format=form, dpi=300, metadata=_metadata(form, result))
     return stream.getvalue()
+
+
+def _metadata(form: str, result: Drawable) -> dict[str, str | None]:
+    program, origin, dropped = _METADATA[form]
+    program_name = f"ftforce {__version__}"
+    return {**dict.fromkeys(dropped), program: program_name, origin: origin_line(result)}
 
 
 @contextmanager

@@ -61,9 +61,13 @@ def to_text(shown: RenderableType, width: int = WIDTH) -> str:
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
 
 
-def to_svg(shown: RenderableType, title: str, width: int = WIDTH) -> str:
-    """Render as an SVG image of a terminal window."""
-    return _recorded(shown, width).export_svg(title=title, unique_id="ftforce")
+def to_svg(shown: RenderableType, title: str, width: int = WIDTH, origin: str = "") -> str:
+    """Render as an SVG image of a terminal window, and say where it comes from."""
+    image = _recorded(shown, width).export_svg(title=title, unique_id="ftforce")
+    if not origin:
+        return image
+    head, end, rest = image.rpartition("</svg>")
+    return f"{head}<metadata>{escape(origin)}</metadata>\n{end}{rest}"
 
 
 def to_html(shown: RenderableType, width: int = 100) -> str:
@@ -74,10 +78,11 @@ def to_html(shown: RenderableType, width: int = 100) -> str:
     )
 
 
-def to_page(shown: RenderableType, title: str) -> str:
-    """Render as an HTML page."""
+def to_page(shown: RenderableType, title: str, origin: str) -> str:
+    """Render as an HTML page that says where it comes from."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="generator" content="ftforce; {escape(origin)}">'
         f"<title>{escape(title)}</title></head>\n<body>{to_html(shown)}</body></html>\n"
     )
 

@@ -118,6 +118,8 @@ class Setting(CarriedPayload):
         Assumptions.
     joint_length :
         Travel of a slide that weighs as much as 1 rad of a hinge, m; older histories have 1 m.
+    robot_sha256 :
+        SHA-256 of the robot's file; ``None`` without one, and in older histories.
     """
 
     robot: str
@@ -146,6 +148,7 @@ class Setting(CarriedPayload):
     payload_inertia: tuple[float, ...] = ()
     effort_lower: tuple[float, ...] = ()
     joint_length: float = DEFAULT_JOINT_LENGTH
+    robot_sha256: str | None = None
 
     @property
     def scale(self) -> JointScale:

@@ -39,7 +39,7 @@ from ftforce.trajectory.history import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from os import PathLike
 
     from ftforce.core.arrays import Matrix
@@ -122,7 +122,9 @@ def _components(setting: Setting, quantity: str) -> tuple[Sequence[str], Sequenc
     return names, [""] * len(joints)
 
 
-def history_bytes(history: History, form: str) -> bytes:
+def history_bytes(
+    history: History, form: str, origin: Mapping[str, str | None] | None = None
+) -> bytes:
     """Return the file content for a history.
 
     Parameters
@@ -131,13 +133,17 @@ def history_bytes(history: History, form: str) -> bytes:
         The history.
     form :
         ``csv``, ``npz`` or ``parquet``.
+    origin :
+        What wrote the file and from which robot, to be told in it.
 
     Raises
     ------
     InputError
         Parquet is requested but pyarrow is not installed.
     """
-    return {"csv": _csv_bytes, "npz": _npz_bytes, "parquet": _parquet_bytes}[form](history)
+    return {"csv": _csv_bytes, "npz": _npz_bytes, "parquet": _parquet_bytes}[form](
+        history, _about(history, origin)
+    )
 
 
 def load_history(path: str | PathLike[str]) -> History:
@@ -186,7 +192,7 @@ def load_history(path: str | PathLike[str]) -> History:
 # ---- setting ---------------------------------------------------------------------------------
 
 
-def _about(history: History) -> str:
+def _about(history: History, origin: Mapping[str, str | None] | None = None) -> str:
     setting = asdict(history.setting)
     task = history.setting.task
     for name in ("effort", "effort_lower"):
@@ -200,6 +206,8 @@ def _about(history: History) -> str:
         "verdicts": _WORDS,
         "setting": setting,
     }
+    if origin is not None:
+        content["provenance"] = dict(origin)
     content["sha256"] = _digest(content, history)
     return json.dumps(content, ensure_ascii=False, allow_nan=False)
 
@@ -294,8 +302,8 @@ def _history(setting: Setting, t: Matrix, path: Matrix, runs: dict[str, Any]) ->
 # ---- NPZ -------------------------------------------------------------------------------------
 
 
-def _npz_bytes(history: History) -> bytes:
-    arrays = {"about": np.array(_about(history)), "t": history.t, "path": history.path}
+def _npz_bytes(history: History, about: str) -> bytes:
+    arrays = {"about": np.array(about), "t": history.t, "path": history.path}
     for name, run in history.runs.items():
         arrays |= {f"{name}.{quantity}": getattr(run, quantity) for quantity in QUANTITIES}
     stream = io.BytesIO()
@@ -371,16 +379,16 @@ def rows_of(history: History) -> list[tuple[Any, ...]]:
     return [tuple(table), *zip(*cells, strict=True)]
 
 
-def _csv_bytes(history: History) -> bytes:
+def _csv_bytes(history: History, about: str) -> bytes:
     table = _table(history)
-    found, about = io.BytesIO(), chain([_about(history)], repeat(""))
+    found, last = io.BytesIO(), chain([about], repeat(""))
     with io.TextIOWrapper(found, "utf-8", newline="") as text:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([*table, _ABOUT])
         for start in range(0, len(table["run"]), _ROWS):
             rows = (column[start : start + _ROWS].tolist() for column in table.values())
             cells = (map(_cell, column) for column in rows)
-            writer.writerows(zip(*cells, about, strict=False))
+            writer.writerows(zip(*cells, last, strict=False))
         text.flush()
         return found.getvalue()
 
@@ -415,9 +423,9 @@ def _columns_of_rows(header: list[str], rows: Iterator[list[str]]) -> dict[str, 
     return {name: np.concatenate(parts) for name, parts in table.items()}
 
 
-def _parquet_bytes(history: History) -> bytes:
+def _parquet_bytes(history: History, about: str) -> bytes:
     parquet, arrow = _pyarrow()
-    table = arrow.table(_table(history)).replace_schema_metadata({_KEY: _about(history)})
+    table = arrow.table(_table(history)).replace_schema_metadata({_KEY: about})
     stream = io.BytesIO()
     parquet.write_table(table, stream, write_page_checksum=True)
     return stream.getvalue()

@@ -22,6 +22,7 @@ from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL, reduce
 from ftforce.core.task import Task
 from ftforce.core.verdict import VERDICTS
 from ftforce.errors import InputError
+from ftforce.io.text import file_digest
 from ftforce.robot.dynamics import numbers_of
 from ftforce.robot.kinematics import task_jacobian
 from ftforce.robot.posture import Posture
@@ -412,6 +413,7 @@ def _setting(scene: _Scene, reports: tuple[EventReport, ...], delay: float) -> S
     assert question.force is not None
     return Setting(
         robot=robot.name,
+        robot_sha256=file_digest(robot.path),
         base=robot.base,
         tip=robot.tip,
         tip_source=robot.tip_source,
