@@ -193,7 +193,9 @@ def test_json_is_a_summary(tmp_path, history):
 
 @pytest.mark.parametrize("name", ["run.txt", "run", "run.npy", "run.h5"])
 def test_other_endings_are_refused(tmp_path, history, name):
-    with pytest.raises(InputError, match=r"\.json, \.csv, \.xlsx, \.tex, \.md, \.npz or \.parquet"):
+    with pytest.raises(
+        InputError, match=r"\.json, \.csv, \.xlsx, \.tex, \.md, \.mcap, \.npz or \.parquet"
+    ):
         ftforce.save(history, tmp_path / name)
     with pytest.raises(InputError, match=r"\.csv, \.npz or \.parquet"):
         ftforce.load_history(tmp_path / name)

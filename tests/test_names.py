@@ -97,9 +97,11 @@ def tags(robot):
     found = set()
     for result in results(robot):
         shown = render.render(result)
-        svg = ElementTree.fromstring(render.to_svg(shown, f"ftforce {robot.name}"))
+        svg = ElementTree.fromstring(
+            render.to_svg(shown, f"ftforce {robot.name}", origin=robot.name)
+        )
         found |= {(one.tag, key) for one in svg.iter() for key in ("", *one.attrib)}
-        found |= Tags(render.to_page(shown, f"ftforce {robot.name}")).found
+        found |= Tags(render.to_page(shown, f"ftforce {robot.name}", robot.name)).found
     state = initial_state(robot).failing(0, "locked")
     given = answer(robot, state)
     return found | Tags(static_page(given, picture(given), robot.name, (robot.name,))).found

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -81,7 +82,8 @@ def is_bag(path: str | PathLike[str]) -> bool:
         The file or folder.
     """
     found = Path(path)
-    return found.suffix.lower() in ENDINGS or (found / "metadata.yaml").is_file()
+    # Path.is_file raises an error for a name that is too long.
+    return found.suffix.lower() in ENDINGS or os.path.isfile(found / "metadata.yaml")  # noqa: PTH113
 
 
 def read_motion(

@@ -78,7 +78,7 @@ def to_html(shown: RenderableType, width: int = 100) -> str:
     )
 
 
-def to_page(shown: RenderableType, title: str, origin: str) -> str:
+def to_page(shown: RenderableType, title: str, origin: str = "") -> str:
     """Render as an HTML page that says where it comes from."""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
