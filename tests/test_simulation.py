@@ -615,7 +615,9 @@ def test_values_that_make_no_sense(dh5, options, message):
 
 
 def test_a_trajectory_that_is_none(dh5, tmp_path):
-    with pytest.raises(InputError, match="a trajectory must be a Path, a Recording or a CSV file"):
+    with pytest.raises(
+        InputError, match="a trajectory must be a Path, a Recording, a CSV file or a bag"
+    ):
         simulate(dh5, [(0, 0, 0), (1, 0, 0)], force=PUSH)
     with pytest.raises(TrajectoryError, match="no such file"):
         simulate(dh5, tmp_path / "none.csv", force=PUSH)

@@ -201,7 +201,7 @@ def test_what_no_trajectories_are(dh5, trajectory):
     with pytest.raises(InputError) as caught:
         start_of(dh5, trajectory)
     assert str(caught.value) == (
-        f"a trajectory must be a Path, a Recording or a CSV file, got {trajectory!r}"
+        f"a trajectory must be a Path, a Recording, a CSV file or a bag, got {trajectory!r}"
     )
 
 
@@ -240,5 +240,5 @@ def test_options_of_files_are_refused_elsewhere(dh5, file, path, recording, opti
         with pytest.raises(InputError, match="a Path or a Recording defines its own"):
             start_of(dh5, trajectory, **options)
     if "max_gap" in options:
-        with pytest.raises(InputError, match="max_gap to a file of a recorded motion"):
+        with pytest.raises(InputError, match="max_gap and topic to a file of a recorded motion"):
             start_of(dh5, file(WAYPOINTS), speed=0.05, **options)
