@@ -308,6 +308,8 @@ FORMS = {
         [T + 1.7e9, *Q.T],
     ),
     "Foxglove": (["time", *(f"/joint_states.{j}.position" for j in JOINTS)], [T, *Q.T]),
+    "a history": (["t [s]", *(f"q_{j} [rad]" for j in JOINTS)], [T, *Q.T]),
+    "words": (["t", *(f"{j}_position" for j in JOINTS)], [T, *Q.T]),
     "numbers": (["/joint_states/header/stamp", *NUMBERED], [T, *Q.T]),
     "brackets and units": (["t [ms]", *(f"q[{i}] [rad]" for i in range(1, 6))], [1e3 * T, *Q.T]),
     "a row of names": (

@@ -1,7 +1,7 @@
 """Names of joint columns as recorders and plotting tools write them, reduced to the joints' own.
 
-Understood are ``/joint_states/elbow/position`` and the like (PlotJuggler, Foxglove, rqt), positions
-by number such as ``actual_q_0``, ``q1`` or ``position[3]``, and columns ``name[3]`` that hold the
+Understood are ``/joint_states/elbow/position`` and the like (PlotJuggler, Foxglove, rqt), ``q_elbow``
+and ``elbow_position``, positions by number such as ``actual_q_0``, ``q1`` or ``position[3]``, and columns ``name[3]`` that hold the
 names of the joints.
 """
 
@@ -93,6 +93,9 @@ def _joint_in(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
         )
         if middle:
             return joint, f"{before}/{after}"
+        for word in _POSITIONS | _VELOCITIES:
+            if name in {f"{word}_{joint}", f"{joint}_{word}"}:  # q_elbow, elbow_velocity
+                return joint, word
     return None, name
 
 
