@@ -1,8 +1,8 @@
 """Names of joint columns as recorders and plotting tools write them, reduced to the joints' own.
 
-Understood are ``/joint_states/elbow/position`` and the like (PlotJuggler, Foxglove, rqt), ``q_elbow``
-and ``elbow_position``, positions by number such as ``actual_q_0``, ``q1`` or ``position[3]``, and columns ``name[3]`` that hold the
-names of the joints.
+Understood are ``/joint_states/elbow/position`` and the like (PlotJuggler, Foxglove, rqt),
+``q_elbow`` and ``elbow_position``, positions by number such as ``actual_q_0``, ``q1`` or
+``position[3]``, and columns ``name[3]`` that hold the names of the joints.
 """
 
 from __future__ import annotations
