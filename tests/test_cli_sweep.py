@@ -27,7 +27,9 @@ def test_the_tables_name_the_critical_joint():
 
 @pytest.mark.thorough
 def test_the_command_says_what_python_says(monkeypatch):
-    monkeypatch.setattr("ftforce.batch.compiled.is_ready", lambda _: True)  # the kernels both times
+    monkeypatch.setattr(
+        "ftforce.batch.compiled.is_ready", lambda *_: True
+    )  # the kernels both times
     options = {"force": [80, 50, 10], "direction": [0, 1, 0], "mode": "free", "payload": 1.0}
     options |= {"axes": "world", "seed": 3, "method": "uniform", "faults": 2, "cell": 0.3}
     options |= {"rtol": 1e-5, "wary": 0.05, "gravity": [0, 0, -3], "limits": "urdf", "threads": 1}

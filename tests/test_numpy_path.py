@@ -17,9 +17,11 @@ import pytest
 import ftforce
 from ftforce.analysis.friction import choose_friction
 from ftforce.analysis.limits_files import choose_limits
+from ftforce.analysis.question import AllFaultSets
 from ftforce.batch import compiled, numpy_path
 from ftforce.batch import sweep as module
-from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
+from ftforce.batch.plan import Evaluator, Plan, faults_of, mechanism_of, question_of
+from ftforce.batch.postures.postures import Listed
 from ftforce.batch.store import store
 from ftforce.batch.sweep import sweep
 from ftforce.core.faults import FaultMode, fault_sets
@@ -92,13 +94,54 @@ def test_both_paths_answer_alike_for_wrenches_of_pairs(panda, mode):
     assert_same_answers(numpy_path.NumpyEvaluator(plan)(q), plan.evaluator()(q))
 
 
+@pytest.mark.parametrize("mode", ["locked", "free"])
+@pytest.mark.parametrize("name", ["panda", "ur5", "dh5", "tiago"])
+def test_numpy_settles_what_the_fast_kernels_leave(name, mode):
+    """With the same verdicts and ranks as the accurate kernels, also of whole stacks."""
+    robot, settled = ftforce.load_robot(name), 0
+    for seed, (words, length, axes) in enumerate(TASKS):
+        plan = plan_of(robot, Task.parse(words, axes, length), mode=mode, asks=seed != 1)
+        q = postures_of(robot, campaign(20, 64), seed)
+        by_numpy = Evaluator(plan, spare=10_000)
+        assert_same_answers(by_numpy(q), plan.evaluator()(q))
+        settled += 10_000 - by_numpy.spare
+    assert settled > 0
+
+
+def test_many_undecided_postures_are_left_to_the_accurate_kernels(dh5, monkeypatch):
+    plan = plan_of(dh5, Task.parse("wrench", "tool", 0.3), mode="locked", asks=True)
+    q, told = postures_of(dh5, 64, 1), []
+    monkeypatch.setattr(compiled, "_announce", lambda *_: told.append(1))
+    monkeypatch.setattr(compiled, "_is_ready", lambda _: False)
+    monkeypatch.setattr(compiled, "_record", lambda *_: None)
+    few = Evaluator(plan, spare=40)
+    assert_same_answers(few(q), plan.evaluator()(q))  # five joints lose a direction everywhere
+    assert (few.spare, told) == (0, [1])
+    few(q)
+    assert told == [1]
+
+
+def test_what_is_stored_does_not_depend_on_what_is_compiled(dh5, monkeypatch):
+    monkeypatch.setattr(compiled, "_is_ready", lambda _: False)
+    question, sets = module.sweep_question(dh5), AllFaultSets.parse(dh5, 1, "locked")
+    given = (question, sets, Listed.of(dh5, np.zeros((4, 5))))
+    jobs = [module.request_of(*given, keep=keep, cell=None).job for keep in ("summary", "worst")]
+    assert [compiled.spare_postures(job) for job in jobs] == [compiled._SPARE, 0]
+    assert [compiled._needed(job) for job in jobs] == [
+        "three",
+        "three-accurate",
+    ]
+    monkeypatch.setattr(compiled, "_is_ready", lambda kind: kind.endswith("-accurate"))
+    assert compiled.spare_postures(jobs[0]) == 0
+
+
 # ---- whole sweeps ------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def cold(monkeypatch):
     """Make this process believe that no kernel is compiled."""
-    monkeypatch.setattr(compiled, "is_ready", lambda _: False)
+    monkeypatch.setattr(compiled, "is_ready", lambda *_: False)
     monkeypatch.setattr(compiled, "_ready", set())
     monkeypatch.setattr(compiled, "_spent", defaultdict(float))
 
@@ -115,7 +158,7 @@ def test_both_paths_count_alike(name, asked, cold):
     robot = ftforce.load_robot(name)
     found = sweep(robot, **asked)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compiled, "is_ready", lambda _: True)
+        patch.setattr(compiled, "is_ready", lambda *_: True)
         expected = sweep(robot, **asked)
     assert (found.setting.computed_with, expected.setting.computed_with) == ("numpy", "kernels")
     for key, values in expected.summary.arrays().items():
@@ -188,7 +231,7 @@ def test_a_sweep_is_resumed_with_what_it_was_begun_with(dh5, cold, tmp_path, mon
         patch.setattr(store, "write_samples", write_one)
         with pytest.raises(KeyboardInterrupt):
             sweep(dh5, **asked, output=tmp_path / "resumed")
-    monkeypatch.setattr(compiled, "is_ready", lambda _: True)
+    monkeypatch.setattr(compiled, "is_ready", lambda *_: True)
     resumed = sweep(dh5, **asked, output=tmp_path / "resumed")
     assert whole.setting.computed_with == resumed.setting.computed_with == "numpy"
     for name, values in whole.dataset.variables.items():
@@ -207,6 +250,7 @@ def test_kernels_are_known_only_for_the_same_code_and_processor(tmp_path, monkey
     assert not compiled.is_ready(plan)
     compiled._record("three-capability", 12.34)
     assert compiled.is_ready(plan)
+    assert not compiled.is_ready(plan, "three" + compiled.ACCURATE)
     assert not compiled.is_ready(wrench)
     monkeypatch.setattr(compiled, "_ready", set())
     assert not compiled.is_ready(plan)  # no compiled kernel is in the folder

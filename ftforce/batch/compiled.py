@@ -10,6 +10,7 @@ import hashlib
 import os
 import platform
 import sys
+import threading
 import time
 from collections import defaultdict
 from contextlib import contextmanager, suppress
@@ -26,16 +27,19 @@ if TYPE_CHECKING:
     from ftforce.batch.job import Job
     from ftforce.batch.plan import Plan
 
-CAPABILITY = "-capability"
+CAPABILITY, ACCURATE = "-capability", "-accurate"
 PATIENCE = 4.0
 """Time, s, that an evaluation with NumPy may take before compiling the kernels is worthwhile."""
 _TOTAL_PATIENCE = 15.0  # s, of all questions of a kind in a process
 _USUAL_SECONDS = 15.0  # of compilation, where it is not known
 _TRIED = (16, 512)  # postures whose evaluation by NumPy is timed: a few, and then some more
+_SPARE = 10_000
+"""Postures that NumPy settles, about 2 s, before the accurate kernels are compiled, about 6 s."""
 _WARM_UP = 4096  # postures, so many that some are left to the accurate kernels
 _RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation took, s
 _KERNELS = Path(__file__).parent / "kernels"
 
+_compiling = threading.Lock()  # of several threads, one says so
 _ready: set[str] = set()  # kinds whose kernels this process has used
 # Time, s, that this process has left to NumPy, by kind.
 _spent: defaultdict[str, float] = defaultdict(float)
@@ -48,9 +52,53 @@ def kind_of(plan: Plan) -> str:
     return f"{rows}{free}{CAPABILITY if plan.question.direction.size else ''}"
 
 
-def is_ready(plan: Plan) -> bool:
-    """Return whether the kernels of a plan are compiled, or will not be."""
-    return _is_ready(kind_of(plan))
+def is_ready(plan: Plan, kind: str = "") -> bool:
+    """Return whether the kernels of a plan are compiled, or will not be.
+
+    Parameters
+    ----------
+    plan :
+        The plan.
+    kind :
+        Its kind, with ``ACCURATE`` for the accurate kernels too; by default without these.
+    """
+    return _is_ready(kind or kind_of(plan))
+
+
+def _needed(job: Job) -> str:
+    """Return the kind of kernels that a job needs; only what is stored needs the accurate ones.
+
+    Those of a job that stores nothing are compiled when they are needed, see `spare_postures`.
+    """
+    return kind_of(job.plan) + ("" if job.keep == "summary" else ACCURATE)
+
+
+def spare_postures(job: Job) -> int:
+    """Return how many postures NumPy may settle before the accurate kernels are compiled.
+
+    Parameters
+    ----------
+    job :
+        The job; what it stores never depends on which kernels are compiled.
+    """
+    is_accurate = job.keep != "summary" or _is_ready(kind_of(job.plan) + ACCURATE)
+    return 0 if is_accurate else _SPARE
+
+
+@contextmanager
+def compiling_accurate(plan: Plan) -> Iterator[None]:
+    """Say that the accurate kernels are compiled while they are, and record it.
+
+    Parameters
+    ----------
+    plan :
+        What is computed.
+    """
+    with (
+        _compiling,
+        announced(kind_of(plan) + ACCURATE, "kernels for cases close to a tolerance", 7.0),
+    ):
+        yield
 
 
 def _is_ready(kind: str) -> bool:
@@ -84,10 +132,10 @@ def compile_kernels(job: Job) -> None:
     job :
         The job.
     """
-    kind = kind_of(job.plan)
+    kind = _needed(job)
     if job.uses_numpy or kind in _ready:
         return
-    if is_ready(job.plan):
+    if is_ready(job.plan, kind):
         _ready.add(kind)
         return
     _announce(kind, "kernels for this kind of question")
@@ -129,7 +177,8 @@ def load_kernels(job: Job) -> None:
     job :
         The job.
     """
-    kind, was_ready, start = kind_of(job.plan), is_ready(job.plan), time.monotonic()
+    kind, start = _needed(job), time.monotonic()
+    was_ready = is_ready(job.plan, kind)
     q = job.postures.block(0, min(_WARM_UP, job.postures.count))
     job.empty_summary().add(job.evaluator(q), 0)
     if not was_ready:
@@ -147,11 +196,13 @@ def _record(kind: str, seconds: float) -> None:
     Parameters
     ----------
     kind :
-        The kind of question; what computes a capability computes all else too.
+        The kind of question; what computes a capability, or what is close to a tolerance, computes
+        all else too.
     seconds :
         Time that it took, s.
     """
-    kinds = {kind, kind.removesuffix(CAPABILITY)}
+    kinds = {kind, kind.replace(CAPABILITY, "")}
+    kinds |= {one.removesuffix(ACCURATE) for one in kinds}
     _ready.update(kinds)
     for folder in _folders():
         with suppress(OSError):

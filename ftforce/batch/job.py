@@ -164,7 +164,9 @@ class Job:
             from ftforce.batch.numpy_path import NumpyEvaluator
 
             return NumpyEvaluator(self.plan)
-        return _Reusing(self.plan)
+        from ftforce.batch.compiled import spare_postures
+
+        return _Reusing(self.plan, spare_postures(self))
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without the workspaces of the threads."""

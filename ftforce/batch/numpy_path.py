@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ftforce.analysis.conditions import without_rounding
-from ftforce.batch.kernels.layout import NOT_TOLERATED
+from ftforce.batch.kernels.layout import NOT_TOLERATED, UNDECIDED
 from ftforce.batch.plan import as_block, empty_answers
 from ftforce.core import measures
 from ftforce.core.arrays import norm, read_only
@@ -275,6 +275,31 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
     for i in np.flatnonzero(left.any(axis=1)).tolist():
         one = _Posture(i, placed.J[i], placed.weight[i])
         _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers)
+
+
+def settle_postures(plan: Plan, q: Matrix, at: NDArray[np.intp], answers: Answers) -> None:
+    """Evaluate one by one what the fast kernels left undecided in some postures.
+
+    Parameters
+    ----------
+    plan :
+        What to compute.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    at :
+        Indices of the postures in which a rank or a verdict is undecided.
+    answers :
+        Results for all k postures, which are completed.
+    """
+    if not len(at):
+        return
+    placed = place(plan.mechanism, plan.question, q[at])
+    for one, i in enumerate(at.tolist()):
+        left = answers.verdict[:, i] == UNDECIDED
+        if answers.rank[i] == UNDECIDED:
+            left[:] = True
+        posture = _Posture(i, placed.J[one], placed.weight[one])
+        _settle(plan, posture, np.flatnonzero(left).tolist(), answers)
 
 
 def _write_jumps(question: Question, jump: Stack, size: Vector, answers: Answers) -> None:
