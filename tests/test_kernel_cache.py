@@ -217,3 +217,20 @@ def test_a_cache_that_is_unknown_is_not_used(monkeypatch):
     with pytest.warns(RuntimeWarning, match=f"numba {numba.__version__} is unknown to ftforce"):
         compiled = jit.kernel(lambda x: x)
     assert type(compiled._cache).__name__ == "NullCache"
+
+
+WITHOUT_PRIVATE_CLASSES = """
+import numba.core.codegen
+del numba.core.codegen.JITCodeLibrary
+from ftforce.batch.kernels import jit
+double = jit.inner(lambda x: 2.0 * x)
+print(jit.kernel(lambda x: double(x) + 1.0)(20.5), jit.WHOLE)
+"""
+
+
+@pytest.mark.thorough  # a process that compiles
+def test_kernels_compile_as_usual_where_numba_has_moved_what_is_private(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONWARNINGS": "ignore"}
+    command = [sys.executable, "-c", WITHOUT_PRIVATE_CLASSES]
+    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert done.stdout == "42.0 {}\n"

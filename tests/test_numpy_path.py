@@ -13,6 +13,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numba.core.caching import _CacheLocator
 
 import ftforce
 from ftforce.analysis.friction import choose_friction
@@ -238,6 +239,8 @@ def test_a_sweep_is_resumed_with_what_it_was_begun_with(dh5, cold, tmp_path, mon
         np.testing.assert_array_equal(resumed.dataset[name], values, name)
     again = ftforce.open_sweep(tmp_path / "resumed")
     assert again.setting.computed_with == "numpy"
+    repeated = sweep(dh5, **asked, output=tmp_path / "resumed")  # it is complete
+    assert repeated.setting.computed_with == "numpy"
 
 
 def test_kernels_are_known_only_for_the_same_code_and_processor(tmp_path, monkeypatch, dh5):
@@ -254,7 +257,14 @@ def test_kernels_are_known_only_for_the_same_code_and_processor(tmp_path, monkey
     assert not compiled.is_ready(wrench)
     monkeypatch.setattr(compiled, "_ready", set())
     assert not compiled.is_ready(plan)  # no compiled kernel is in the folder
-    (tmp_path / "kernel.nbi").touch()
+    other = tmp_path / "kernels_of_another_installation"
+    other.mkdir()
+    (other / "kernel.nbi").touch()
+    compiled._recorded.cache_clear()
+    assert not compiled.is_ready(plan)
+    own = _CacheLocator.get_suitable_cache_subpath(str(compiled._KERNELS / "fast.py"))
+    (tmp_path / own).mkdir()
+    (tmp_path / own / "kernel.nbi").touch()
     compiled._recorded.cache_clear()
     assert compiled.is_ready(plan)
     with monkeypatch.context() as patch:  # numba does not read where it cannot write

@@ -21,7 +21,7 @@ from ftforce.trajectory import Path, Recording
 from ftforce.trajectory.fault_events import phases, read_events
 from ftforce.trajectory.history import QUANTITIES
 from ftforce.trajectory.history_files import history_bytes
-from ftforce.trajectory.simulate import simulate
+from ftforce.trajectory.simulate import _memory, simulate
 from helpers import (
     CAMPAIGN,
     SLIDING,
@@ -545,6 +545,17 @@ def size_of(run):
     """Return the bytes of memory that arrays occupy; equal rows may be one."""
     arrays = (getattr(run, name) for name in QUANTITIES)
     return sum(array.base.nbytes if 0 in array.strides else array.nbytes for array in arrays)
+
+
+def test_the_memory_of_a_container_counts(tmp_path):
+    machine = _memory(tmp_path)
+    for name in ("memory.max", "memory/memory.limit_in_bytes"):  # of versions 2 and 1
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("max\n")
+        assert _memory(tmp_path) == machine
+        (tmp_path / name).write_text("1000000\n")
+        assert _memory(tmp_path) == 1e6
+        (tmp_path / name).unlink()
 
 
 def test_memory_is_in_proportion_to_the_history(panda, monkeypatch):

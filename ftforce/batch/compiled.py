@@ -252,9 +252,9 @@ def _recorded() -> dict[tuple[str, str], float]:
     found = {}
     for folder in _folders():
         is_used = os.access(folder, os.W_OK)  # numba reads only where it can write
-        # Numba has folders of their own for each package in those that several share.
-        patterns = ("*.nbi", f"{_KERNELS.name}_*/*.nbi")
-        cached = chain.from_iterable(map(folder.glob, patterns))
+        # In a folder that several share, numba has one for each place of a package.
+        own = hashlib.sha1(os.fsencode(_KERNELS), usedforsecurity=False).hexdigest()
+        cached = chain(folder.glob("*.nbi"), folder.glob(f"{_KERNELS.name}_{own}/*.nbi"))
         if not is_used or next(cached, None) is None:  # or the cache was removed
             continue
         for file in folder.glob(_RECORD.format(key="*", kind="*")):

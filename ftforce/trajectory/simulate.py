@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -338,12 +340,15 @@ def _check_memory(question: Question, instants: int, runs: int) -> None:
         warnings.warn(words, stacklevel=2)
 
 
-def _memory() -> float:
-    """Return the size of the machine's memory, bytes; infinite where it is not told."""
-    try:
-        return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
-    except (AttributeError, OSError, ValueError):
-        return math.inf
+def _memory(control_groups: Path = Path("/sys/fs/cgroup")) -> float:
+    """Return the memory of the machine or the container, bytes; infinite where it is not told."""
+    sizes = [math.inf]
+    with suppress(AttributeError, OSError, ValueError):
+        sizes.append(float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")))
+    for name in ("memory.max", "memory/memory.limit_in_bytes"):  # of versions 2 and 1
+        with suppress(OSError, ValueError):  # "max" is no limit
+            sizes.append(float((control_groups / name).read_text()))
+    return min(sizes)
 
 
 def _event_report(

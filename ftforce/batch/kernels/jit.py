@@ -21,7 +21,10 @@ import numba
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 
-from ftforce.batch.kernels.pipeline import LOOP, PART, WHOLE
+try:
+    from ftforce.batch.kernels.pipeline import LOOP, PART, WHOLE
+except (ImportError, AttributeError):  # numba has moved what is private of it
+    LOOP = PART = WHOLE = {}
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,8 +6,8 @@ than all the rest. Here a function that only kernels call is a *part*: it stays 
 until a kernel, the *whole*, links all parts into one module, which is optimized once.
 
 This uses numba's extension point for compilers, ``pipeline_class``, and private methods of its code
-libraries, tested with numba 0.61 to 0.68. Where they are missing numba compiles as usual, which
-only takes longer.
+libraries, tested with numba 0.61 to 0.68. Where they are missing (`jit` notices if this module
+cannot be imported) numba compiles as usual, which only takes longer.
 """
 
 from __future__ import annotations

@@ -270,6 +270,7 @@ def _open_complete(request: SweepRequest, path: Path) -> OpenStore | None:
     with suppress(OSError):  # a complete sweep can be read without write permission
         _clean_up(path)
     summary = _stored_summary(path, manifest)
+    request = request.computed_with(manifest.about["setting"].get("computed_with", "kernels"))
     done = np.ones(request.job.chunks, np.bool_)
     progress = Progress(summary, done, ~done, manifest.files)
     return OpenStore(request, path, {}, progress, None)
