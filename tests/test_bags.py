@@ -1,5 +1,6 @@
 """Bags of ROS: motions read from them, trajectories written to them; CSV of plotting tools."""
 
+import os
 import sqlite3
 import sys
 from contextlib import suppress
@@ -128,6 +129,15 @@ def test_of_several_trajectories_the_last_is_taken(tmp_path):
     )
 
 
+def test_a_trajectory_that_stands_still_is_no_second_one(tmp_path, dh5):
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    points = [point(i, "q") for i in (0, 1, 1, 2, 3)]
+    message = STORE.types[kind](state_of(STORE, 0).header, list(JOINTS), points)
+    path = write(tmp_path / "run", {("/plan", kind): [message]})
+    with pytest.raises(TrajectoryError, match=r"sample 3: the time 0\.05 s appears twice"):
+        Recording.read(dh5, path)
+
+
 def test_messages_of_other_drivers_in_the_topic_are_left_out(tmp_path):
     fingers = [state_of(STORE, i, names=("finger",), q=[0.1]) for i in range(3)]
     mixed = [message for pair in zip(STATES, fingers, strict=False) for message in pair]
@@ -156,7 +166,7 @@ def test_the_topic_is_chosen_or_asked_for(tmp_path, dh5):
     with pytest.raises(InputError, match=r"no message of /wheels has all joints of the chain"):
         read_motion(path, JOINTS, "/wheels")
     with pytest.raises(
-        InputError, match=r"no message has all joints of the chain, elbow; the topics"
+        InputError, match=r"none of the first 100,000 messages has all joints of the chain, elbow"
     ):
         read_motion(path, ["elbow"])
 
@@ -216,6 +226,28 @@ def test_nothing_outside_of_the_folder_is_opened(tmp_path, folder):
     (inside / "metadata.yaml").write_text("[1, 2]", "utf-8")
     with pytest.raises(InputError, match=r"metadata\.yaml does not list its files"):
         read_motion(inside, JOINTS)
+
+
+def test_bags_that_are_not_whole(tmp_path, folder):
+    path = write(tmp_path / "run", {STATE: STATES}, StoragePlugin.SQLITE3)
+    file = next(path.glob("*.db3"))
+    (path / f"{file.name}-wal").write_bytes(b"x")
+    for one in (path, file):
+        with pytest.raises(InputError, match=r"run\.db3-wal holds messages that would be missing"):
+            read_motion(one, JOINTS)
+    (path / f"{file.name}-wal").unlink()
+    meta = path / "metadata.yaml"
+    text = meta.read_text("utf-8")
+    meta.write_text(text.replace("compression_mode: ''", "compression_mode: FILE"), "utf-8")
+    with pytest.raises(InputError, match="compressed as a whole; unpack them first"):
+        read_motion(path, JOINTS)
+    upper = tmp_path / "run.MCAP"
+    upper.write_bytes(next(folder.glob("*.mcap")).read_bytes())
+    with pytest.raises(InputError, match=r"its extension must be in lower case: \.mcap"):
+        read_motion(upper, JOINTS)
+    os.mkfifo(tmp_path / "pipe.mcap")
+    with pytest.raises(InputError, match="is not a regular file"):
+        read_motion(tmp_path / "pipe.mcap", JOINTS)
 
 
 def test_what_is_no_bag(tmp_path, dh5, monkeypatch, folder):
@@ -310,6 +342,17 @@ FORMS = {
     "Foxglove": (["time", *(f"/joint_states.{j}.position" for j in JOINTS)], [T, *Q.T]),
     "a history": (["t [s]", *(f"q_{j} [rad]" for j in JOINTS)], [T, *Q.T]),
     "words": (["t", *(f"{j}_position" for j in JOINTS)], [T, *Q.T]),
+    "all of PlotJuggler": (
+        [
+            "__time",
+            *(f"/joint_states/{j}/{k}" for k in ("effort", "position", "velocity") for j in JOINTS),
+        ],
+        [T + 1.7e9, *np.full((5, COUNT), 9.0), *Q.T, *np.full((5, COUNT), 0.5)],
+    ),
+    "rostopic": (
+        ["time", *(f"field.name{i}" for i in range(5)), *(f"field.position{i}" for i in range(5))],
+        [T, *(np.repeat(name, COUNT) for name in reversed(JOINTS)), *Q[:, ::-1].T],
+    ),
     "numbers": (["/joint_states/header/stamp", *NUMBERED], [T, *Q.T]),
     "brackets and units": (["t [ms]", *(f"q[{i}] [rad]" for i in range(1, 6))], [1e3 * T, *Q.T]),
     "a row of names": (
@@ -335,7 +378,11 @@ FORMS = {
 }
 
 
-ROUNDED = ("PlotJuggler", "nanoseconds since 1970")  # doubles hold no more digits
+ROUNDED = (
+    "PlotJuggler",
+    "all of PlotJuggler",
+    "nanoseconds since 1970",
+)  # doubles hold no more digits
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "], ids=["comma", "semicolon", "tab", "blank"])
@@ -349,7 +396,7 @@ def test_columns_as_plotting_tools_write_them(tmp_path, dh5, form, mark):
     found = Recording.read(dh5, path)
     np.testing.assert_allclose(found.t - found.t[0], T, atol=6e-7 if form in ROUNDED else 1e-9)
     np.testing.assert_array_equal(found.q, Q)
-    assert (found.v is None) == (form != "velocities")
+    assert (found.v is None) == (form not in {"velocities", "all of PlotJuggler"})
     said = " ".join(found.notes)
     for unit in ("ns", "ms"):
         is_guessed = (
@@ -359,10 +406,34 @@ def test_columns_as_plotting_tools_write_them(tmp_path, dh5, form, mark):
 
 
 def test_a_sweep_takes_the_same_columns(tmp_path, dh5):
+    path = tmp_path / "run.csv"
     for form in ("PlotJuggler", "numbers"):
-        path = tmp_path / "run.csv"
         path.write_text(table(FORMS[form][0], *FORMS[form][1], mark=";"), "utf-8")
-        np.testing.assert_array_equal(postures_from_file(dh5, path).block(0, COUNT), Q)
+        postures = postures_from_file(dh5, path)
+        np.testing.assert_array_equal(postures.block(0, COUNT), Q)
+        assert "from run.csv (columns " in str(postures)
+    path.write_text(table(FORMS["rostopic"][0], *FORMS["rostopic"][1]), "utf-8")
+    with pytest.raises(TrajectoryError, match=r"'field\.name0' hold the names of the joints"):
+        postures_from_file(dh5, path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        [f"/joint_states/{j}/effort" for j in JOINTS],
+        [f"/joint_torques/{j}" for j in JOINTS],
+        [f"/joint_states/{j}/position/stddev" for j in JOINTS],
+        [f"/joint_states/{j}/position_deg" for j in JOINTS],
+        [f"tcp_position_{i}" for i in range(5)],
+        [f"motor_position[{i}]" for i in range(5)],
+        [f"q{'9' * 5000}", *JOINTS[1:]],
+    ],
+    ids=lambda header: header[0][:30],
+)
+def test_other_quantities_are_no_positions(tmp_path, dh5, header):
+    (tmp_path / "run.csv").write_text(table(["t", *header], T, *Q.T), "utf-8")
+    with pytest.raises(TrajectoryError, match="missing columns: joint1"):
+        Recording.read(dh5, tmp_path / "run.csv")
 
 
 def test_two_columns_for_a_joint_are_not_guessed(tmp_path, dh5):

@@ -7,7 +7,6 @@ messages are taken from it; nothing in it is executed.
 from __future__ import annotations
 
 import io
-import math
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,6 +28,8 @@ ENDINGS = (".mcap", ".db3", ".bag")
 
 MAX_MESSAGES = 5_000_000
 _LARGEST_META = 10_000_000  # bytes
+_PEEKED = 100_000  # messages of a topic in which joints are looked for
+_LARGEST = 1e12  # of positions and velocities
 _MANY_JOINTS = 10_000  # names in one message
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -64,8 +65,9 @@ class JointMotion(NamedTuple):
 
 
 class _Sample(NamedTuple):
-    """One instant: receive time and time of the message, ns, names, positions and velocities."""
+    """One instant of a message: its number, the times at which it was received and made, ns."""
 
+    message: int
     received: int
     stamp: int
     names: Sequence[str]
@@ -125,10 +127,7 @@ def _opened(path: Path) -> Iterator[Any]:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
         raise FtforceError("bags need rosbags and mcap: pip install 'ftforce[bag]'") from None
-    if not path.exists():
-        raise InputError("no such file; expected a bag (.mcap, .db3, .bag, or a folder of ROS 2)")
-    if path.is_dir():
-        _check_folder(path)
+    _check_path(path)
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(_CONTROLLER_DEFINITION, _CONTROLLER))
     try:
@@ -143,6 +142,30 @@ def _opened(path: Path) -> Iterator[Any]:
         raise InputError(f"is damaged or not a bag: {said}") from None
 
 
+def _check_path(path: Path) -> None:
+    """Check what can be told of a bag without opening it.
+
+    Raises
+    ------
+    InputError
+        There is no bag, or not all of it.
+    """
+    if not path.exists():
+        raise InputError("no such file; expected a bag (.mcap, .db3, .bag, or a folder of ROS 2)")
+    if path.is_dir():
+        _check_folder(path)
+    elif not path.is_file():
+        raise InputError("is not a regular file; expected a bag")
+    elif path.suffix not in ENDINGS:
+        raise InputError(f"its extension must be in lower case: {path.suffix.lower()}")
+    for journal in (Path(f"{path}-wal"), *(path.glob("*-wal") if path.is_dir() else ())):
+        if journal.is_file() and journal.stat().st_size:
+            raise InputError(
+                f"its recorder did not finish: {printable(journal.name)} holds messages that would "
+                "be missing; open the database once with sqlite3, which takes them in"
+            )
+
+
 def _check_folder(path: Path) -> None:
     """Check that the metadata of a bag name files of its own folder only.
 
@@ -155,12 +178,15 @@ def _check_folder(path: Path) -> None:
 
     try:
         data: Any = read_yaml(read_text(path / "metadata.yaml", FileError, "a bag", _LARGEST_META))
-        files = data["rosbag2_bagfile_information"]["relative_file_paths"]
+        about = data["rosbag2_bagfile_information"]
+        files, mode = about["relative_file_paths"], str(about.get("compression_mode", ""))
         inside = [(path / str(name)).resolve().parent == path.resolve() for name in files]
     except (KeyError, TypeError, ValueError):
         raise InputError("is damaged or not a bag: metadata.yaml does not list its files") from None
     if not all(inside):
         raise InputError("is refused: metadata.yaml names a file outside of the bag's folder")
+    if mode.upper() == "FILE":  # it would be unpacked whole, however large it is
+        raise InputError("its files are compressed as a whole; unpack them first")
 
 
 def _topics(reader: Any) -> dict[str, list[Any]]:
@@ -212,7 +238,8 @@ def _choose(
         )
     said = (f"{printable(name)} ({listed(map(printable, names))})" for name, names in seen.items())
     raise InputError(
-        f"no message has all joints of the chain, {listed(joints)}; the topics are: {listed(said)}"
+        f"none of the first {_PEEKED:,} messages has all joints of the chain, {listed(joints)}; "
+        f"the topics are: {listed(said)}"
     )
 
 
@@ -223,29 +250,30 @@ def _names_in(reader: Any, connections: list[Any], joints: Sequence[str]) -> tup
         if set(joints) <= set(sample.names):
             return tuple(sample.names)
         names |= dict.fromkeys(sample.names)
-        if count >= 1000 or len(names) > _MANY_JOINTS:
+        if count >= _PEEKED or len(names) > _MANY_JOINTS:
             break
     return tuple(name for name in names if name not in joints) or tuple(names)
 
 
 def _samples(reader: Any, connections: list[Any]) -> Iterator[_Sample]:
     """Yield the instants in the messages of a topic; of a trajectory its points."""
-    for connection, received, raw in reader.messages(connections=connections):
+    messages = enumerate(reader.messages(connections=connections))
+    for number, (connection, received, raw) in messages:
         message = reader.deserialize(raw, connection.msgtype)
         kind = _kind(connection)
         stamp = _nanoseconds(message.header.stamp)
         if kind == _JOINT_STATE:
             names = _checked(message.name, received)
-            yield _Sample(received, stamp, names, message.position, message.velocity)
+            yield _Sample(number, received, stamp, names, message.position, message.velocity)
         elif kind == _CONTROLLER:  # named otherwise since 2023
             point = getattr(message, "feedback", None) or message.actual
             names = _checked(message.joint_names, received)
-            yield _Sample(received, stamp, names, point.positions, point.velocities)
+            yield _Sample(number, received, stamp, names, point.positions, point.velocities)
         else:
             names = _checked(message.joint_names, received)
             for point in message.points:
                 since = _nanoseconds(point.time_from_start)
-                yield _Sample(received, since, names, point.positions, point.velocities)
+                yield _Sample(number, received, since, names, point.positions, point.velocities)
 
 
 def _nanoseconds(time: Any) -> int:
@@ -265,13 +293,14 @@ def _motion(
     reader: Any, connections: list[Any], joints: Sequence[str], topic: str, notes: list[str]
 ) -> JointMotion:
     samples: list[_Sample] = []
-    left_out = trajectories = 0
+    trajectories = 0
+    left_out: set[int] = set()
     is_trajectory = _kind(connections[0]) == _TRAJECTORY
     wanted = set(joints)
     for sample in _samples(reader, connections):
         if not wanted <= set(sample.names):
-            left_out += 1
-        elif is_trajectory and samples and sample.stamp <= samples[-1].stamp:
+            left_out.add(sample.message)
+        elif is_trajectory and samples and sample.message != samples[-1].message:
             trajectories += 1
             samples = [_picked(sample, joints)]
         else:
@@ -283,7 +312,7 @@ def _motion(
             f"no message of {printable(topic)} has all joints of the chain, {listed(joints)}"
         )
     if left_out:
-        notes.append(f"{left_out:,} messages without all joints of the chain are left out")
+        notes.append(f"{len(left_out):,} messages without all joints of the chain are left out")
     if trajectories:
         notes.append(f"{trajectories + 1} trajectories; the last one is taken")
     t, words = _times(samples, is_trajectory=is_trajectory)
@@ -303,12 +332,12 @@ def _picked(sample: _Sample, joints: Sequence[str]) -> _Sample:
     places = [list(sample.names).index(name) for name in joints]
     q = [float(sample.q[i]) for i in places]
     for name, x in zip(joints, q, strict=True):
-        if not math.isfinite(x) or abs(x) > 1e12:
+        if not abs(x) <= _LARGEST:
             raise InputError(f"{where}: the position of {name} is {x:g}")
     v = None
     if len(sample.v) == len(sample.names):
         v = [float(sample.v[i]) for i in places]
-        if not all(map(math.isfinite, v)):
+        if not all(abs(x) <= _LARGEST for x in v):  # nor NaN
             v = None
     return sample._replace(q=q, v=v, names=())
 
@@ -319,7 +348,7 @@ def _times(
     """Return the times, s from the first, and which they are."""
     if is_trajectory:
         return 1e-9 * np.array([float(one.stamp) for one in samples]), []
-    if all(one.stamp for one in samples):
+    if all(one.stamp for one in samples[1:]):  # simulated time begins with 0
         stamps, words = [one.stamp for one in samples], "the times are the stamps of the messages"
     else:
         stamps = [one.received for one in samples]

@@ -17,7 +17,7 @@ from ftforce.errors import InputError, UnknownNameError, printable
 from ftforce.io.text import LARGEST_NUMBER, read_numbers, shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -151,13 +151,15 @@ class Table(NamedTuple):
                 )
             yield line, cells
 
-    def same_texts(self, columns: Sequence[int]) -> list[str]:
+    def same_texts(self, columns: Sequence[int], among: Container[str]) -> list[str]:
         """Return the texts in columns that have the same text in all rows.
 
         Parameters
         ----------
         columns :
             Column indices, from 0.
+        among :
+            What some of them should be; if none in the first row is, nothing is returned.
 
         Raises
         ------
@@ -167,12 +169,14 @@ class Table(NamedTuple):
         first: list[str] = []
         for line, cells in self.rows():
             texts = [cells[i].strip() for i in columns]
+            if not any(text in among for text in texts):
+                return []
             if first and texts != first:
                 i = next(k for k, text in enumerate(texts) if text != first[k])
                 where = f"line {line}, {shortened(self.header[columns[i]])}"
                 raise InputError(f"{where}: {texts[i]!r} instead of {first[i]!r} as above")
             first = texts
-        return first or [""] * len(columns)
+        return first
 
     def numbers(
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER

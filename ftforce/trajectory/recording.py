@@ -39,6 +39,7 @@ _SHORTEST = 1e-6  # s: smaller steps are indistinguishable from rounding error
 _LARGEST = 1e12  # largest number accepted in a file; times may be Unix timestamps
 _MISFIT = 0.1  # of a joint's travel: tolerated error of its integrated velocity
 _SINCE_1970 = 1e8  # s: larger times are counted since then
+_SLOWEST = 5.0  # s: longer steps are more likely in another unit
 _LARGEST_TIME = 1e19  # nanoseconds since 1970 are 1.8e18
 _TIMES = (  # in this order
     *("t", "time", "timestamp", "stamp", "times", "__time", "seconds", "%time"),
@@ -318,8 +319,10 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
         _check_times(read_only(t), max_gap, sheet.place)
-        if (np.diff(t) == 1.0).all():
-            notes = (*notes, "the times count seconds one by one; for others, write t [ms] or [us]")
+        step = float(np.median(np.diff(t)))
+        if (np.diff(t) == 1.0).all() or (not times.has_unit and step >= _SLOWEST):
+            how = "one by one" if step == 1.0 else f"by {step:g}"
+            notes = (*notes, f"the times count seconds {how}; for others, write t [ms] or [us]")
         q = read_only(values[:, k : k + robot.n].copy())
         q, unwrapped = _unwrapped(robot, t, q, sheet.place)
     except InputError as problem:

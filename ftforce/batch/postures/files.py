@@ -19,6 +19,7 @@ from ftforce.batch.postures.postures import checked_block
 from ftforce.core.arrays import read_only
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
 from ftforce.io.bag import ENDINGS, read_motion
+from ftforce.io.joint_columns import joint_columns
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,6 +80,8 @@ class FilePostures:
         Its size and modification time.
     sha256 :
         SHA-256 of its content.
+    notes :
+        What was decided while reading it.
     """
 
     path: str
@@ -86,6 +89,7 @@ class FilePostures:
     scales: Vector
     stamp: Stamp
     sha256: str
+    notes: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -147,7 +151,8 @@ class FilePostures:
     def __str__(self) -> str:
         """Return the number of postures and the file name."""
         name = printable(Path(self.path).name)
-        return f"{self.count:,} posture{'s' if self.count > 1 else ''} from {name}"
+        said = f" ({'; '.join(self.notes)})" if self.notes else ""
+        return f"{self.count:,} posture{'s' if self.count > 1 else ''} from {name}{said}"
 
 
 def postures_from_file(
@@ -197,8 +202,15 @@ def postures_from_file(
         stamp = Stamp.of(file)
         if not stamp.size:
             raise InputError(f"is empty; expected {_KIND}")
-        opened = _open_bag(robot, file, topic) if is_bag else _OPEN[form](robot, file, degrees)
-        postures = FilePostures(file, *opened, stamp, _sha256(file))
+        if is_bag:
+            motion = read_motion(file, robot.names, topic)
+            notes = tuple(note for note in motion.notes if not note.startswith("the times"))
+            opened: tuple[Reader, Vector] = _Read(motion.q), read_only(np.ones(robot.n))
+        else:
+            notes, opened = (), _OPEN[form](robot, file, degrees)
+            if isinstance(opened[0], CsvReader):
+                _, notes = joint_columns(opened[0].table.header, robot.names)
+        postures = FilePostures(file, *opened, stamp, _sha256(file), notes)
         postures._check_unchanged()
     except MemoryError:
         raise
@@ -256,10 +268,6 @@ class _Read:
 
     def read(self, path: str, start: int, stop: int) -> Matrix:  # noqa: ARG002 # of the protocol
         return self.q[start:stop].copy()
-
-
-def _open_bag(robot: Robot, path: str, topic: str | None) -> tuple[_Read, Vector]:
-    return _Read(read_motion(path, robot.names, topic).q), read_only(np.ones(robot.n))
 
 
 _OPEN: dict[str, Callable[[Robot, str, bool], tuple[Reader, Vector]]] = {
