@@ -21,8 +21,9 @@ from ftforce.analysis.limits_files import choose_limits
 from ftforce.analysis.question import AllFaultSets
 from ftforce.batch import compiled, numpy_path
 from ftforce.batch import sweep as module
-from ftforce.batch.plan import Evaluator, Plan, faults_of, mechanism_of, question_of
+from ftforce.batch.plan import Plan, faults_of, mechanism_of, question_of
 from ftforce.batch.postures.postures import Listed
+from ftforce.batch.sparing import SparingEvaluator, sparing
 from ftforce.batch.store import store
 from ftforce.batch.sweep import sweep
 from ftforce.core.faults import FaultMode, fault_sets
@@ -103,7 +104,8 @@ def test_numpy_settles_what_the_fast_kernels_leave(name, mode):
     for seed, (words, length, axes) in enumerate(TASKS):
         plan = plan_of(robot, Task.parse(words, axes, length), mode=mode, asks=seed != 1)
         q = postures_of(robot, campaign(20, 64), seed)
-        by_numpy = Evaluator(plan, spare=10_000)
+        by_numpy = SparingEvaluator(plan)
+        by_numpy.spare = 10_000
         assert_same_answers(by_numpy(q), plan.evaluator()(q))
         settled += 10_000 - by_numpy.spare
     assert settled > 0
@@ -115,7 +117,8 @@ def test_many_undecided_postures_are_left_to_the_accurate_kernels(dh5, monkeypat
     monkeypatch.setattr(compiled, "_announce", lambda *_: told.append(1))
     monkeypatch.setattr(compiled, "_is_ready", lambda _: False)
     monkeypatch.setattr(compiled, "_record", lambda *_: None)
-    few = Evaluator(plan, spare=40)
+    few = SparingEvaluator(plan)
+    few.spare = 40
     assert_same_answers(few(q), plan.evaluator()(q))  # five joints lose a direction everywhere
     assert (few.spare, told) == (0, [1])
     few(q)
@@ -127,13 +130,13 @@ def test_what_is_stored_does_not_depend_on_what_is_compiled(dh5, monkeypatch):
     question, sets = module.sweep_question(dh5), AllFaultSets.parse(dh5, 1, "locked")
     given = (question, sets, Listed.of(dh5, np.zeros((4, 5))))
     jobs = [module.request_of(*given, keep=keep, cell=None).job for keep in ("summary", "worst")]
-    assert [compiled.spare_postures(job) for job in jobs] == [compiled._SPARE, 0]
+    assert [sparing(job).evaluator_type for job in jobs] == [SparingEvaluator, None]
     assert [compiled._needed(job) for job in jobs] == [
         "three",
         "three-accurate",
     ]
     monkeypatch.setattr(compiled, "_is_ready", lambda kind: kind.endswith("-accurate"))
-    assert compiled.spare_postures(jobs[0]) == 0
+    assert sparing(jobs[0]) is jobs[0]
 
 
 # ---- whole sweeps ------------------------------------------------------------------------------

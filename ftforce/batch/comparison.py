@@ -18,6 +18,7 @@ from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
 from ftforce.batch.runner import InThreads, threads_of
+from ftforce.batch.sparing import sparing
 from ftforce.batch.summary.bins import Bins, Workspace
 from ftforce.batch.sweep import request_of, run_request, sweep_question
 from ftforce.core.arrays import is_number
@@ -541,7 +542,7 @@ def healthy_capability(
         return None
     plan = Plan.of(replace(question, force=None), (HEALTHY,), needs_gravity=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
-    job = prepared(job)
+    job = sparing(prepared(job))
     compile_kernels(job)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads) as pool:

@@ -73,16 +73,15 @@ def _needed(job: Job) -> str:
     return kind_of(job.plan) + ("" if job.keep == "summary" else ACCURATE)
 
 
-def spare_postures(job: Job) -> int:
+def spare_postures(plan: Plan) -> int:
     """Return how many postures NumPy may settle before the accurate kernels are compiled.
 
     Parameters
     ----------
-    job :
-        The job; what it stores never depends on which kernels are compiled.
+    plan :
+        What is computed.
     """
-    is_accurate = job.keep != "summary" or _is_ready(kind_of(job.plan) + ACCURATE)
-    return 0 if is_accurate else _SPARE
+    return 0 if _is_ready(kind_of(plan) + ACCURATE) else _SPARE
 
 
 @contextmanager

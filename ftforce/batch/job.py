@@ -57,6 +57,8 @@ class Job:
         Postures per chunk.
     uses_numpy :
         Whether postures are evaluated and counted with NumPy instead of the compiled kernels.
+    evaluator_type :
+        What evaluates them with the compiled kernels; ``None`` for `Reusing`.
     """
 
     plan: Plan
@@ -66,6 +68,7 @@ class Job:
     keep: str
     chunk: int
     uses_numpy: bool = False
+    evaluator_type: type[Evaluator] | None = None
     _per_thread: threading.local = field(default_factory=threading.local, init=False)
 
     @property
@@ -164,9 +167,7 @@ class Job:
             from ftforce.batch.numpy_path import NumpyEvaluator
 
             return NumpyEvaluator(self.plan)
-        from ftforce.batch.compiled import spare_postures
-
-        return _Reusing(self.plan, spare_postures(self))
+        return (self.evaluator_type or Reusing)(self.plan)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state for pickling, without the workspaces of the threads."""
@@ -177,7 +178,7 @@ class Job:
         self.__dict__.update(state, _per_thread=threading.local())
 
 
-class _Reusing(Evaluator):
+class Reusing(Evaluator):
     """Evaluator that reuses its output arrays: the next block overwrites them.
 
     Allocating arrays of this size means mapping new pages, which costs as much as counting their

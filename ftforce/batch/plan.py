@@ -223,15 +223,12 @@ class Evaluator:
     ----------
     plan :
         What to compute.
-    spare :
-        Number of postures that NumPy may settle, where the fast kernels leave something undecided,
-        before compiling the accurate kernels is worthwhile. Verdicts and ranks are the same.
     """
 
-    def __init__(self, plan: Plan, spare: int = 0) -> None:
+    def __init__(self, plan: Plan) -> None:
         from ftforce.batch.kernels import fast, settle
 
-        self.plan, self.spare = plan, spare
+        self.plan = plan
         m = plan.question.rows.size
         self._work = fast.workspace(plan.mechanism.parent.size, plan.n, m)
         self._pairs = settle.workspace(m, plan.n)
@@ -249,30 +246,18 @@ class Evaluator:
         return as_block(answers)
 
     def _fill(self, answers: Answers, q: Matrix) -> None:
-        from ftforce.batch.kernels import fast, settle
+        from ftforce.batch.kernels import fast
 
         plan = self.plan
         given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
         fast.evaluate(*given)
-        if not self.spare:
-            settle.settle(*given, self._pairs)
-        elif not self._settled(answers, q):
-            from ftforce.batch.compiled import compiling_accurate
+        self._settle(given)
 
-            with compiling_accurate(plan):
-                settle.settle(*given, self._pairs)
+    def _settle(self, given: Any) -> None:
+        """Evaluate what `fast.evaluate` left undecided of what it was given."""
+        from ftforce.batch.kernels import settle
 
-    def _settled(self, answers: Answers, q: Matrix) -> bool:
-        """Settle with NumPy what is left undecided; return whether that is little enough."""
-        from ftforce.batch.kernels.layout import UNDECIDED
-        from ftforce.batch.numpy_path import settle_postures
-
-        is_left = (answers.rank == UNDECIDED) | (answers.verdict == UNDECIDED).any(axis=0)
-        left = np.flatnonzero(is_left)
-        self.spare = max(self.spare - len(left), 0)
-        if self.spare:
-            settle_postures(self.plan, q, left, answers)
-        return self.spare > 0
+        settle.settle(*given, self._pairs)
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:

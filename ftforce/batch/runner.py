@@ -13,6 +13,7 @@ from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from ftforce.batch.compiled import compile_kernels
+from ftforce.batch.sparing import sparing
 from ftforce.batch.store import store
 from ftforce.errors import InputError, OutputError
 
@@ -300,6 +301,7 @@ class InThreads:
         job, opened, sizer :
             The job, the store of its results, and its remaining chunks.
         """
+        job = sparing(job)
         compile_kernels(job)
         write = partial(store.write_samples, opened)
         is_alone = self.threads == 1 or (opened.path is None and job.is_small)
