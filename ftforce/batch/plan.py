@@ -249,15 +249,15 @@ class Evaluator:
         from ftforce.batch.kernels import fast
 
         plan = self.plan
-        given = (plan.mechanism, plan.faults, plan.question, q, answers, self._work)
-        fast.evaluate(*given)
-        self._settle(given)
+        fast.evaluate(plan.mechanism, plan.faults, plan.question, q, answers, self._work)
+        self._settle(answers, q)
 
-    def _settle(self, given: Any) -> None:
-        """Evaluate what `fast.evaluate` left undecided of what it was given."""
+    def _settle(self, answers: Answers, q: Matrix) -> None:
+        """Evaluate what the fast kernels left undecided."""
         from ftforce.batch.kernels import settle
 
-        settle.settle(*given, self._pairs)
+        plan, work = self.plan, self._work
+        settle.settle(plan.mechanism, plan.faults, plan.question, q, answers, work, self._pairs)
 
 
 def empty_answers(plan: Plan, k: int) -> Answers:

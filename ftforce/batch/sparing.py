@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +12,9 @@ from ftforce.batch.job import Reusing
 
 if TYPE_CHECKING:
     from ftforce.batch.job import Job
+    from ftforce.batch.kernels.layout import Answers
     from ftforce.batch.plan import Plan
+    from ftforce.core.arrays import Matrix
 
 
 def sparing(job: Job) -> Job:
@@ -38,14 +40,14 @@ class SparingEvaluator(Reusing):
         super().__init__(plan)
         self.spare = spare_postures(plan)
 
-    def _settle(self, given: Any) -> None:
+    def _settle(self, answers: Answers, q: Matrix) -> None:
         if not self.spare:
-            super()._settle(given)
-        elif not self._is_settled(*given[3:5]):
+            super()._settle(answers, q)
+        elif not self._is_settled(answers, q):
             with compiling_accurate(self.plan):
-                super()._settle(given)
+                super()._settle(answers, q)
 
-    def _is_settled(self, q: Any, answers: Any) -> bool:
+    def _is_settled(self, answers: Answers, q: Matrix) -> bool:
         """Settle with NumPy what is left undecided; return whether that is little enough."""
         from ftforce.batch.kernels.layout import UNDECIDED
         from ftforce.batch.numpy_path import settle_postures
