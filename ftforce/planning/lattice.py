@@ -107,7 +107,8 @@ def breaks_of(layers: Sequence[Layer], steps: Matrix, wraps: Mask) -> Breaks:
         As in `best_path`.
     """
     allowed = [np.isfinite(np.nan_to_num(layer.value, nan=-np.inf)) for layer in layers]
-    reached, found = allowed[0], list[int]()
+    found: list[int] = []
+    reached: Mask = allowed[0]
     slow_down = np.where(allowed[0], 0.0, np.inf)
     for k, ratio in enumerate(_ratios(layers, steps, wraps), start=1):
         is_edge = (ratio <= 1.0 + _ROUNDING) & reached[:, None] & allowed[k]
