@@ -1,1 +1,1 @@
-"""Better postures and paths: what a redundant arm can choose so that a fault costs less."""
+"""Better postures and paths: what is left after the worst fault, made as large as possible."""
