@@ -137,7 +137,7 @@ def test_options_of_several_commands_are_declared_once():
         for option in inspect.signature(command.callback).parameters.values():
             if (name, option.name) not in OWN:
                 declared[option.name].append(option.annotation)
-    assert len(declared["task"]) == 8
+    assert len(declared["task"]) == 9
     for name, found in declared.items():
         assert all(one is found[0] for one in found), name
 

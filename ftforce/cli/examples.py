@@ -25,8 +25,8 @@ EXAMPLES = {
         "timeline dh5 --to .6,.5,.3 --speed 0.1 --faults 2 -o faults.csv",
     ),
     "plan": (
-        "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation --waypoints 30",
-        "plan panda --to .5,.2,.4 --speed 0.1 --maximize payload --waypoints 30 -o path.csv",
+        "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation",
+        "plan panda --to .5,.2,.4 --speed 0.1 --maximize rho -o path.csv",
     ),
     "sweep": (
         "sweep dh5 --samples 1e4 --faults 2 -o dh5.zarr",

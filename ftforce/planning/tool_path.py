@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 REACHED = 1e-10  # m and rad
 POINT, POSE = (0, 1, 2), (0, 1, 2, 3, 4, 5)
-_ITERATIONS = 20  # of Newton's method; successful searches need about five
+_ITERATIONS = 12  # of Newton's method; successful searches need about five
 _LARGEST_STEP = 0.3  # rad or m, of any joint
 _DAMPING = 1e-9  # relative to σ_max², for postures close to a singularity
 
