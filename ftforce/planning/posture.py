@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ftforce.analysis.question import AllFaultSets, AnsweredForAll, counted
+from ftforce.analysis.question import AllFaultSets, AnsweredForAll
 from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import as_vector, read_only
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
     from ftforce.core.faults import FaultSet
     from ftforce.planning.self_motion import SelfMotion
-    from ftforce.planning.trace import Manifold
     from ftforce.robot.robot import Robot
 
 TIED = 1e-6
@@ -335,7 +334,7 @@ def _around(motion: SelfMotion, q: Matrix, radius: Vector, rng: np.random.Genera
     return onto.reshape(tried.shape)
 
 
-# ---- what it is compared with, and what is said ---------------------------------------------------
+# ---- what it is compared with, and what is said ------------------------------------------------
 
 
 def _before(motion: SelfMotion, given: Posture) -> tuple[Posture, list[str]]:
