@@ -29,6 +29,7 @@ COMMANDS = (
     "view",
     "simulate",
     "timeline",
+    "plan",
     "sweep",
     "map",
     "compare",

@@ -24,6 +24,10 @@ EXAMPLES = {
         "timeline panda --to .4,.3,.4 --speed 0.2 --rate 20 --force 0,0,30",
         "timeline dh5 --to .6,.5,.3 --speed 0.1 --faults 2 -o faults.csv",
     ),
+    "plan": (
+        "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation --waypoints 30",
+        "plan panda --to .5,.2,.4 --speed 0.1 --maximize payload --waypoints 30 -o path.csv",
+    ),
     "sweep": (
         "sweep dh5 --samples 1e4 --faults 2 -o dh5.zarr",
         "sweep panda --samples 1e4 --force 0,0,50 --plot panda.svg",

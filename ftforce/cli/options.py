@@ -561,6 +561,30 @@ class HistoryOutputs(PlotOutputs):
     ] = None
 
 
+class PlanOutputs(PlotOutputs):
+    """Where a planned motion and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the motion, for simulate and timeline (.csv .xlsx) or ROS 2 "
+            "(.mcap), all of it (.json), or the tables (.txt .svg .html .tex .md); repeat it "
+            "for more.",
+        ),
+    ] = None
+
+
+MaximizeOption = Annotated[
+    str,
+    typer.Option(
+        metavar="margin|rho|capability|payload|jump",
+        help="What the worst fault shall leave as much of as possible; of jump, as little.",
+    ),
+]
+
 _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 

@@ -112,7 +112,7 @@ def breaks_of(layers: Sequence[Layer], steps: Matrix, wraps: Mask) -> Breaks:
     slow_down = np.where(allowed[0], 0.0, np.inf)
     for k, ratio in enumerate(_ratios(layers, steps, wraps), start=1):
         is_edge = (ratio <= 1.0 + _ROUNDING) & reached[:, None] & allowed[k]
-        reached = is_edge.any(axis=0)
+        reached = np.asarray(is_edge.any(axis=0))
         if not reached.any():
             found.append(k)
             reached = allowed[k]

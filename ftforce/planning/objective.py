@@ -178,7 +178,8 @@ class Objective:
             Joint positions, rad or m, shape (k, n).
         """
         found = self.measured(q)
-        return found.argmax(axis=1) if self.measure.is_cost else found.argmin(axis=1)
+        worst: NDArray[np.intp] = (found if self.measure.is_cost else -found).argmax(axis=1)
+        return worst
 
 
 def _carrying(question: Question) -> Question:

@@ -25,6 +25,7 @@ from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.path import Path
 from ftforce.trajectory.recording import Recording
+from ftforce.trajectory.reference import Motion
 from ftforce.trajectory.start import start_of
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ _RESERVES = (0.9, 0.7, 0.5)
 within the limits."""
 _SAMPLES, _FRESH = 160, 16  # postures per layer, and how many of them are drawn anew
 _ROUNDS = ((40, 0.2), (40, 0.06), (30, 0.02))  # postures around the best path, rad or m apart
+_FARTHEST = (0.1, 0.25)  # m and rad, from one waypoint to the next
 _KEPT = 0.98  # of the objective, after smoothing
 _SMOOTHING = 60  # passes
 TIP_TOLERANCE = 1e-5  # m and rad: of the tip between the instants of a planned path
@@ -135,6 +137,11 @@ class PathPlan(AnsweredForAll):
         is_cost = self.objective.measure.is_cost
         return int(path.value.argmax() if is_cost else path.value.argmin())
 
+    def motion(self) -> Motion:
+        """Return positions, velocities and accelerations of the planned path, (N, n) each."""
+        spline = _spline(self.t, self.after.q)
+        return Motion(self.after.q, spline(self.t, 1), spline(self.t, 2))
+
     def recording(self) -> Recording:
         """Return the planned motion, for `ftforce.simulate` and `ftforce.timeline`."""
         return Recording(self.t, self.after.q, source="the plan")
@@ -152,7 +159,7 @@ def plan(
     speed: float | None = None,
     keep_orientation: bool = False,
     waypoints: int = 100,
-    acceleration: float | ArrayLike | None = None,
+    max_acceleration: float | ArrayLike | None = None,
     keep_start: bool = False,
     rate: float | None = None,
     max_gap: float | None = None,
@@ -180,7 +187,7 @@ def plan(
         of a recording.
     waypoints :
         Number of points on the tool path at which postures are compared.
-    acceleration :
+    max_acceleration :
         Largest joint accelerations, rad/s² or m/s², one number or shape (n,).
     keep_start :
         Whether the path starts in the posture of the usual one.
@@ -213,8 +220,8 @@ def plan(
     all_sets = AllFaultSets.parse(robot, faults, mode)
     objective = Objective.parse(robot, maximize, all_sets, **asked)
     count = _checked_count(waypoints)
-    rates = _Rates.of(robot, acceleration)
-    tick = counted(progress, count + 1)
+    rates = _Rates.of(robot, max_acceleration)
+    tick = counted(progress, count)
     follow = partial(
         start_of, robot, q=q, posture=posture, rate=rate, speed=speed, max_gap=max_gap,
         topic=topic, smooth=smooth, problem=objective.question.problem_in,
@@ -228,31 +235,34 @@ def plan(
     keeps = keep_orientation or start.reference.orientation is not None
     usual = _usual(objective.question, start)
     tool = ToolPath(robot, start.reference, keeps)
-    times = np.linspace(0.0, float(start.times[-1]), count)
-    search = _Search(
-        objective, tool, rates, times, _at(times, start.times, usual), keep_start=keep_start,
-        rng=np.random.default_rng(seed), tick=tick,
-    )  # fmt: skip
-    for reserve in _RESERVES:
-        found, breaks = search.path(reserve)
-        t, dense, error = _dense(tool, times, found)
-        slow_down = max(breaks.slow_down, rates.slow_down(t, dense))
-        if slow_down <= 1.0 or breaks.waypoints:
-            break
-    tick(1)
-    before = _at(t, start.times, usual)
+    search = partial(
+        _searched,
+        objective,
+        tool,
+        rates=rates,
+        instants=start.times,
+        usual=usual,
+        keep_start=keep_start,
+        seed=seed,
+    )
+    found = search(count, tick=tick)
+    if not found.holds_between:  # once more, with more waypoints
+        found = max(found, search(2 * count, tick=_silent), key=lambda one: one.worst)
+    before = _at(found.t, start.times, usual)
+    if found.worst < objective.values(before).min() and _is_allowed(robot, rates, found.t, before):
+        found = found._replace(q=before, slow_down=1.0)
     return PathPlan(
         objective=objective,
         all_sets=all_sets,
         course=start.words,
         start=start.source,
         keeps_orientation=keeps,
-        t=read_only(t * slow_down),
+        t=read_only(found.t * found.slow_down),
         before=_along(objective, before),
-        after=_along(objective, dense),
-        waypoints=count,
-        breaks=breaks._replace(slow_down=slow_down),
-        tip_error=error,
+        after=_along(objective, found.q),
+        waypoints=found.waypoints,
+        breaks=found.breaks._replace(slow_down=found.slow_down),
+        tip_error=found.error,
         warnings=start.warnings,
         notes=start.notes,
     )
@@ -270,9 +280,77 @@ def _usual(question: Question, start: Start) -> Matrix:
     phase = Phase(0.0, _HEALTHY, _HEALTHY)
     motion = advance(
         question.robot, start.reference, start.q, start.times, (phase,), scale=question.scale,
-        tick=lambda _: None,
+        tick=_silent,
     ).motion  # fmt: skip
     return motion.q
+
+
+def _silent(_: int) -> None:
+    """Report no progress."""
+
+
+class _Found(NamedTuple):
+    """A path that was found.
+
+    Attributes
+    ----------
+    t, q :
+        Times, s, before any slow-down, and joint positions, shapes (N,) and (N, n).
+    worst :
+        The objective at its worst instant.
+    holds_between :
+        Whether it is hardly smaller between the waypoints than at them.
+    breaks, slow_down :
+        Where velocity limits break every path, and the factor on the times.
+    error :
+        Largest distance, m, and angle, rad, from the tool path.
+    waypoints :
+        Their number.
+    """
+
+    t: Vector
+    q: Matrix
+    worst: float
+    holds_between: bool
+    breaks: Breaks
+    slow_down: float
+    error: float
+    waypoints: int
+
+
+def _searched(
+    objective: Objective,
+    tool: ToolPath,
+    count: int,
+    *,
+    rates: _Rates,
+    instants: Vector,
+    usual: Matrix,
+    keep_start: bool,
+    seed: int,
+    tick: Callable[[int], None],
+) -> _Found:
+    """Return the best path through a number of waypoints."""
+    times = np.linspace(0.0, float(instants[-1]), count)
+    search = _Search(
+        objective, tool, rates, times, _at(times, instants, usual), keep_start=keep_start,
+        rng=np.random.default_rng(seed), tick=tick,
+    )  # fmt: skip
+    for reserve in _RESERVES:
+        q, worst, breaks = search.path(reserve)
+        t, dense, error = _dense(tool, times, q)
+        slow_down = max(breaks.slow_down, rates.slow_down(t, dense), 1.0)
+        if slow_down == 1.0 or breaks.waypoints:
+            break
+    between = float(objective.values(dense).min())
+    holds = between >= worst - (1.0 - _KEPT) * abs(worst)
+    return _Found(t, dense, between, holds, breaks, slow_down, error, count)
+
+
+def _is_allowed(robot: Robot, rates: _Rates, t: Vector, q: Matrix) -> bool:
+    """Return whether a path is within the limits of positions, velocities and accelerations."""
+    is_inside = ((q >= robot.lower) & (q <= robot.upper)).all()
+    return bool(is_inside) and rates.slow_down(t, q) <= 1.0
 
 
 def _along(objective: Objective, q: Matrix) -> Along:
@@ -307,7 +385,7 @@ class _Rates(NamedTuple):
         given = acceleration
         if is_number(given):
             given = np.full(robot.n, float(given))  # type: ignore[arg-type] # a number
-        most = robot.vector(given, "acceleration")  # type: ignore[arg-type] # which is checked
+        most = robot.vector(given, "max_acceleration")  # type: ignore[arg-type] # which is checked
         if not (most > 0.0).all():
             raise InputError(f"accelerations must be positive, got {most.tolist()}")
         return cls(velocity, most)
@@ -365,16 +443,24 @@ class _Search:
         self.keep_start, self.rng, self.tick = keep_start, rng, tick
         self.layers = self._valued(self._drawn(usual))
 
-    def path(self, reserve: float) -> tuple[Matrix, Breaks]:
+    def path(self, reserve: float) -> tuple[Matrix, float, Breaks]:
         """Return the best joint path, shape (k, n), and where velocity limits break every path.
+
+        Between the two stands the objective at the worst waypoint. Steps that are so long that the
+        objective may be much less between two waypoints are taken only where there are no others.
 
         Parameters
         ----------
         reserve :
             Share of the velocity limits that may be used.
         """
-        steps, breaks = reserve * self.steps, Breaks((), 1.0)
+        breaks = Breaks((), 1.0)
+        slides = np.array([unit == "m" for unit in self.robot.units])
+        steps = np.minimum(reserve * self.steps, np.where(slides, *_FARTHEST))
         best = best_path(self.layers, steps, self.wraps)
+        if best is None:
+            steps = reserve * self.steps
+            best = best_path(self.layers, steps, self.wraps)
         if best is None:
             breaks = breaks_of(self.layers, self.steps, self.wraps)
             steps = self.steps * (max(breaks.slow_down, 1.0) * (1.0 + 1e-9))
@@ -386,7 +472,8 @@ class _Search:
             best = best_path(layers, steps, self.wraps)
             assert best is not None  # the path before is among them
             q = self._taken(layers, best.chosen)
-        return self._smoothed(q, steps, best.worst), breaks
+        q = self._smoothed(q, steps, best.worst)
+        return q, float(self.objective.values(q).min()), breaks
 
     def _valued(self, postures: Sequence[Matrix]) -> list[Layer]:
         """Return layers of postures with the objective."""

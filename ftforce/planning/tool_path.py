@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ftforce.robot.kinematics import tip_pose_and_jacobian
+from ftforce.batch.numpy_path import tip_kinematics
+from ftforce.planning.target import mechanism
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -129,10 +130,7 @@ def placed(robot: Robot, q: Matrix) -> Placed:
     q :
         Joint positions, rad or m, shape (k, n).
     """
-    found = Placed(np.empty((len(q), 3, 3)), np.empty((len(q), 3)), np.empty((len(q), 6, robot.n)))
-    for i, one in enumerate(q):
-        found.R[i], found.p[i], found.J[i] = tip_pose_and_jacobian(robot, one)
-    return found
+    return Placed(*tip_kinematics(mechanism(robot), q))
 
 
 def residual(target: TipTargets, at: Placed) -> Matrix:

@@ -20,6 +20,7 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
+from ftforce.planning.path import PathPlan
 from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -60,7 +61,9 @@ _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; a plot's height in addition to its rows
 
 
-Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison
+Drawable: TypeAlias = (
+    History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison | PathPlan
+)
 
 
 def figure(result: Drawable) -> Figure:
@@ -69,7 +72,8 @@ def figure(result: Drawable) -> Figure:
     Parameters
     ----------
     result :
-        A simulation history, timeline, census, capability, comparison, sweep, or map of a sweep.
+        A simulation history, timeline, plan, census, capability, comparison, sweep, or map of a
+        sweep.
 
     Raises
     ------
@@ -202,6 +206,13 @@ def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
         plots.heat_map(timeline, quantity=quantity, most=most, ax=ax)
 
 
+def _of_plan(drawn: Figure, plan: PathPlan) -> None:
+    drawn.set_size_inches(WIDTH, 5.0)
+    upper, lower = drawn.subplots(2, sharex=True, height_ratios=(2, 3))
+    plots.objective_over_time(plan, ax=upper)
+    plots.planned_positions(plan, ax=lower)
+
+
 def _of_census(drawn: Figure, census: Census) -> None:
     rows = min(_MOST_BARS, len(census.sets))
     drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * (rows + 1))
@@ -261,6 +272,7 @@ _LAYOUTS: dict[type[Any], Any] = {
     Census: _of_census,
     Capability: _of_capability,
     Comparison: lay_out,
+    PathPlan: _of_plan,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

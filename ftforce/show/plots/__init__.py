@@ -8,6 +8,7 @@ pass them as ``ax``.
 from ftforce.show.plots.capability import capability
 from ftforce.show.plots.census import census
 from ftforce.show.plots.comparison import comparison
+from ftforce.show.plots.plan import objective_over_time, planned_positions
 from ftforce.show.plots.sweep import criticality, histogram
 from ftforce.show.plots.timeline import heat_map
 from ftforce.show.plots.trajectory import force, jump, path, path_error, torques
@@ -22,8 +23,10 @@ __all__ = [
     "heat_map",
     "histogram",
     "jump",
+    "objective_over_time",
     "path",
     "path_error",
+    "planned_positions",
     "survival",
     "survival_3d",
     "torques",
