@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
 
 REACHED = 1e-9  # m and rad
-_RESOLUTIONS = {2: 0.15, 3: 0.4}  # rad or m, by dimension
-_COARSE = 0.7  # of four and more
+_RESOLUTIONS = {2: 0.15, 3: 0.8}  # rad or m, by dimension
+_COARSE = 1.4  # of four and more
 _COARSER = 1.4  # by how much a resolution is enlarged that takes too many samples
 _SAME = 1e-6  # rad or m: postures of an arm without redundancy
 _NEAR = 0.1  # of the step: as far as a posture on a traced curve may be from its chords
@@ -86,6 +86,8 @@ class SelfMotion:
         Greatest residual over all samples, m and rad.
     step :
         Longest distance between neighbours in joint space, rad or m.
+    manifold :
+        Its equations and limits.
     """
 
     target: TipTarget
@@ -95,6 +97,7 @@ class SelfMotion:
     seed: int
     tip_error: float
     step: float
+    manifold: Manifold
 
     @property
     def dimension(self) -> int:
@@ -130,7 +133,7 @@ def self_motion(
 
     One-dimensional manifolds are traced whole, with error control; those of more dimensions are
     covered by samples. Joints that may make more than a whole turn start as close to the middle of
-    their range as possible.
+    their range as possible, and are covered for the one turn around it.
 
     Parameters
     ----------
@@ -145,7 +148,7 @@ def self_motion(
     step :
         Longest distance between neighbours on a curve, rad or m in joint space.
     resolution :
-        The same for manifolds of more dimensions; by default 0.15 for two, 0.4 for three and 0.7
+        The same for manifolds of more dimensions; by default 0.15 for two, 0.8 for three and 1.4
         for more, and coarser if that takes too many samples (`SelfMotion.step`).
     seed :
         Seed of the random postures.
@@ -185,7 +188,7 @@ def self_motion(
         size *= _COARSER
         found = _components(manifold, starts, size, most, progress)
     worst = max(float(np.abs(residual(robot, one.q, target)).max()) for one in found)
-    return SelfMotion(target, found, len(reached), len(tried), seed, worst, size)
+    return SelfMotion(target, found, len(reached), len(tried), seed, worst, size, manifold)
 
 
 def _components(
@@ -228,7 +231,21 @@ def _manifold(robot: Robot, target: TipTarget, q: Matrix, lower: Vector, upper: 
     s = np.linalg.svd(J, compute_uv=False)
     rank = int((s > RANK_RTOL * s[:, :1]).sum(axis=1).max()) if J.size else 0
     wide = wide_joints(robot, lower, upper)
-    return Manifold(robot, target, lower, upper, wide, rank)
+    found = Manifold(robot, target, lower, upper, wide, rank)
+    if found.dimension < 2 or not wide.any():
+        return found
+    middle = _middle(found)
+    lower = np.where(wide, np.maximum(lower, middle - np.pi), lower)
+    upper = np.where(wide, np.minimum(upper, middle + np.pi), upper)
+    return replace(found, lower=read_only(lower), upper=read_only(upper))
+
+
+def _middle(manifold: Manifold) -> Vector:
+    """Return the middle of the limits, 0 for joints that lack one, shape (n,)."""
+    middle = np.zeros(manifold.robot.n)
+    both = np.isfinite(manifold.lower) & np.isfinite(manifold.upper)
+    middle[both] = 0.5 * (manifold.lower[both] + manifold.upper[both])
+    return middle
 
 
 def _near_middle(manifold: Manifold, q: Matrix, *, keep: bool) -> Matrix:
@@ -241,14 +258,12 @@ def _near_middle(manifold: Manifold, q: Matrix, *, keep: bool) -> Matrix:
     keep :
         Whether the first stays as it is.
     """
-    middle = np.zeros(q.shape[1])
-    both = np.isfinite(manifold.lower) & np.isfinite(manifold.upper)
-    middle[both] = 0.5 * (manifold.lower[both] + manifold.upper[both])
+    middle = _middle(manifold)
     turned = middle + manifold.between(q, middle, manifold.wide)
     # A joint with one limit only may not be turned beyond it.
     fits = (turned >= manifold.lower) & (turned <= manifold.upper)
     turned = np.where(fits, turned, q)
-    if keep:
+    if keep and manifold.dimension < 2:
         turned[0] = q[0]
     return turned
 
