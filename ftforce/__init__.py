@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.core.verdict import Verdict
     from ftforce.errors import FtforceError
+    from ftforce.planning.path import plan
     from ftforce.report.files import save, to_dict
     from ftforce.robot.formats.dh import DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
@@ -65,6 +66,7 @@ _HOMES = {
     "load_history": "trajectory.history_files",
     "load_robot": "robot.load",
     "open_sweep": "batch.store.store",
+    "plan": "planning.path",
     "remap": "core.remap",
     "save": "report.files",
     "simulate": "trajectory.simulate",
@@ -99,6 +101,7 @@ __all__ = [
     "load_history",
     "load_robot",
     "open_sweep",
+    "plan",
     "remap",
     "save",
     "simulate",

@@ -580,8 +580,9 @@ class PlanOutputs(PlotOutputs):
 MaximizeOption = Annotated[
     str,
     typer.Option(
-        metavar="margin|rho|capability|payload|jump",
-        help="What the worst fault shall leave as much of as possible; of jump, as little.",
+        metavar="MEASURE",
+        help="What the worst fault is to leave most of: margin, rho, capability or payload; or "
+        "jump, the least force jump.",
     ),
 ]
 
