@@ -92,6 +92,9 @@ SESSIONS = {
     "timeline": [
         "timeline panda --to 0.4,0.3,0.4 --speed 0.2 --rate 20 --mode free --force 0,0,30",
     ],
+    "plan": [
+        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation",
+    ],
     "sweep": ["sweep panda --samples 100000 --faults 2 --force 0,0,50 --top 8"],
     "workspace-map": [
         "sweep tiago --samples 131072 --force 0,0,50 --keep summary -o tiago.zarr",
@@ -116,7 +119,7 @@ FILES = ("rail_arm.toml", "panda_limits.toml", "motors.csv", "two_arms.urdf", "b
 # What the other scripts of this folder draw.
 DRAWN = {
     "architecture.svg",
-    *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
+    *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plan.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
     *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
     *("front-map.svg", "front-compare.svg"),
