@@ -22,6 +22,7 @@ from ftforce.batch.postures import Grid
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.core.bounded_remap import bounded_remap
 from ftforce.core.limits import Limits
+from ftforce.planning.objective import MEASURES
 from ftforce.robot.dynamics import Payload
 from ftforce.robot.formats.dh import DHRow, MassModel
 from ftforce.robot.kinematics import tip_pose
@@ -232,6 +233,10 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "keep_orientation": lambda c: c.one(False, True),
     "max_gap": lambda c: c.size(None, 0.5, scale=1.0),
     "topic": lambda c: c.one(None, odd=("/joint_states", "", 7)),
+    "maximize": lambda c: c.one(*MEASURES, odd=("speed", None, 3)),
+    "waypoints": lambda c: c.one(3, 4, 5, odd=(1, 2.5, -1, "3", True)),
+    "max_acceleration": lambda c: c.one(None, 50.0, c.vector(c.robot.n), odd=(-1.0, "x", math.inf)),
+    "keep_start": lambda c: c.one(False, True),
     "smooth": lambda c: c.one("auto", "none", 0.1, odd=("much", -1.0, math.nan, 1e-9)),
     "static": lambda c: c.one(False, True),
     "enough": lambda c: c.size(0.95, 0.5, 1.0, scale=0.5),
@@ -349,6 +354,7 @@ KINDS = (
     Kind(remapped_jacobian, 30, "J tau faults", ("mode", "limits:efforts", "rtol", "wary")),
     Kind(ftforce.sweep, 12, "robot n", _optional(ftforce.sweep)),
     Kind(ftforce.timeline, 12, "robot trajectory", _optional(ftforce.timeline)),
+    Kind(ftforce.plan, 4, "robot trajectory waypoints", _optional(ftforce.plan)),
     Kind(ftforce.simulate, 12, "robot trajectory force faults:events", _optional(ftforce.simulate)),
     Kind(ftforce.compare, 4, "arms n", _optional(ftforce.compare)),
     Kind(workspace_map, 20, "sweep", ("joints:some", "plane", "at", "solid", "quantities")),

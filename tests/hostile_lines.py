@@ -212,6 +212,9 @@ VALUES: dict[str, tuple[str, ...]] = {
     "speed": ("0.2", "1", "0", "1e-9", "1e9", "-1"),
     "rate": ("20", "50", "0", "1e9", "1e-9"),
     "max_gap": NUMBERS,
+    "maximize": ("margin", "rho", "capability", "payload", "jump", "speed"),
+    "waypoints": ("3", "4", "5", "1", "1.5", "-2"),
+    "max_acceleration": ("50", "5,5,5,5,5", "1,2", "-1", "1e-9", "x"),
     "smooth": ("auto", "none", "0.1", "1e-9", "9"),
     "delay": ("0", "0.05", "-1", "1e9"),
     "samples": ("64", "64", "100", "1", "2.5", "0", "-5", "1e19"),
@@ -234,7 +237,15 @@ SELDOM = {"plot": 0.05, "posture": 0.3, "q": 0.5, "base": 0.2, "tip": 0.2, "work
 SELDOM |= {"scheduler": 0.1, "torque": 0.3, "grid": 0.2, "postures": 0.3, "trajectory": 0.5}
 ALWAYS = {"robot", "robots", "sweep", "table"}
 SHARES = {"analyze": 10, "census": 8, "capability": 8, "inspect": 6, "dh": 6, "sweep": 3, "map": 3}
-SHARES |= {"timeline": 3, "simulate": 3, "compare": 1, "robots": 0.5, "replicate": 0.3, "view": 0.3}
+SHARES |= {
+    "plan": 1,
+    "timeline": 3,
+    "simulate": 3,
+    "compare": 1,
+    "robots": 0.5,
+    "replicate": 0.3,
+    "view": 0.3,
+}
 
 
 @cache
@@ -281,10 +292,12 @@ def draw(number: int, command: str | None = None) -> list[str]:
 
 def _is_needed(command: str, name: str) -> bool:
     if name in {"to", "speed"}:
-        return command in {"simulate", "timeline"}
+        return command in {"simulate", "timeline", "plan"}
     if name == "force":
         return command == "simulate"
     if name == "kernels":  # all would take long to compile
+        return True
+    if name == "waypoints":  # a hundred would take long
         return True
     return name == ("samples" if command in {"sweep", "compare"} else "export") and command in {
         *("sweep", "compare", "view")

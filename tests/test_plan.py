@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import ftforce
+import physics
 from ftforce.analysis.question import AllFaultSets
 from ftforce.planning import path as planning
 from ftforce.planning.objective import MEASURES, Objective
@@ -168,3 +169,26 @@ def test_command_writes_what_simulate_reads(tmp_path):
         arm = ftforce.load_robot("panda")
         result = ftforce.timeline(arm, str(file), smooth="none")
         assert result.margin.min() == pytest.approx(written["after"]["value"], rel=1e-6)
+
+
+def test_in_mujoco_only_the_planned_arm_keeps_the_force():
+    """Joints 1 and 2 of the paper's arm lock at the instant at which the usual path is worst."""
+    arm = ftforce.load_robot("dh5")
+    asked = {"force": [80.0, 50.0, 10.0], "axes": "world"}
+    points = [(0.9471, 0.2197, 0.1693), (0.8548, 0.3804, 0.2308)]
+    found = plan(arm, Path.through(points, speed=0.15), maximize="jump", faults=2, waypoints=20,
+                 **asked)  # fmt: skip
+    i = found.worst_of(found.before)
+    locked = found.sets[found.before.worst_set[i]].joints
+    assert locked == (0, 1)
+    felt = {}
+    for name, path in (("usual", found.before), ("planned", found.after)):
+        result = ftforce.analyze(arm, path.q[i], locked=[1, 2], **asked)
+        seen = physics.pinned(arm, path.q[i], result.torque.total_after, locked=locked)
+        pose = next(pinocchio_poses(arm, path.q[i : i + 1]))
+        felt[name] = pose.rotation @ seen.force
+        assert_allclose(felt[name], result.force.after, atol=1e-3)
+        lost = np.linalg.norm(felt[name] - asked["force"])
+        assert lost == pytest.approx(path.value[i], abs=1e-3)
+    assert np.linalg.norm(felt["usual"] - asked["force"]) > 40.0
+    assert np.linalg.norm(felt["planned"] - asked["force"]) < 1.0

@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.analysis.question import AllFaultSets, AnsweredForAll, counted
+from ftforce.batch.postures.drawn import check_seed
 from ftforce.core.arrays import is_number, read_only
 from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import InputError
 from ftforce.planning.lattice import Breaks, Layer, best_path, breaks_of
 from ftforce.planning.objective import Objective
@@ -29,12 +31,16 @@ from ftforce.trajectory.reference import Motion
 from ftforce.trajectory.start import start_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
+    from ftforce.analysis.conditions import PayloadLike
+    from ftforce.analysis.friction import FrictionLike
+    from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress, Question
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.task import Axes, Task
     from ftforce.planning.tool_path import TipTargets
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
@@ -155,6 +161,16 @@ def plan(
     faults: int = 1,
     mode: FaultMode | str = FaultMode.LOCKED,
     maximize: str = "margin",
+    force: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: PayloadLike = None,
+    limits: LimitsLike = None,
+    friction: FrictionLike = None,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    joint_length: float | None = None,
+    axes: Axes = "tool",
     posture: str | None = None,
     speed: float | None = None,
     keep_orientation: bool = False,
@@ -166,8 +182,9 @@ def plan(
     topic: str | None = None,
     smooth: Smooth = "auto",
     seed: int = 0,
+    rtol: float = RTOL,
+    wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
-    **asked: Any,
 ) -> PathPlan:
     """Plan the joint path along a tool path that keeps the most after the worst fault.
 
@@ -182,6 +199,15 @@ def plan(
         Size of the largest fault sets, ``locked`` or ``free``.
     maximize :
         ``margin``, ``rho``, ``capability``, ``payload``, or ``jump``, which is minimised.
+    force :
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,): that of the
+        jump, or along which the capability is.
+    direction :
+        Direction of the capability, in task axes, shape (m,); by default that of the force.
+    limits :
+        As in `ftforce.analyze`; for capability and payload by default those of the URDF.
+    gravity, payload, friction, task, length, joint_length, axes, rtol, wary :
+        As in `ftforce.analyze`.
     keep_orientation :
         Whether the tip keeps its orientation: the initial one along lines, that of every instant
         of a recording.
@@ -195,9 +221,6 @@ def plan(
         Seed of the postures that are tried.
     progress :
         Called with the number of steps completed and their total.
-    **asked :
-        Force, direction, gravity, payload, limits, friction, task, length, joint_length, axes, rtol
-        and wary, as in `ftforce.analyze`.
 
     Raises
     ------
@@ -218,8 +241,13 @@ def plan(
     True
     """
     all_sets = AllFaultSets.parse(robot, faults, mode)
-    objective = Objective.parse(robot, maximize, all_sets, **asked)
+    objective = Objective.parse(
+        robot, maximize, all_sets, force=force, direction=direction, gravity=gravity,
+        payload=payload, limits=limits, friction=friction, task=task, length=length,
+        joint_length=joint_length, axes=axes, rtol=rtol, wary=wary,
+    )  # fmt: skip
     count = _checked_count(waypoints)
+    check_seed(seed)
     rates = _Rates.of(robot, max_acceleration)
     tick = counted(progress, count)
     follow = partial(
