@@ -154,7 +154,12 @@ def residual(target: TipTargets, at: Placed) -> Matrix:
 
 
 def project(
-    robot: Robot, q: Matrix, target: TipTargets, *, tolerance: float = REACHED
+    robot: Robot,
+    q: Matrix,
+    target: TipTargets,
+    *,
+    locked: Mask | None = None,
+    tolerance: float = REACHED,
 ) -> tuple[Matrix, Mask]:
     """Move postures to where the tip is at its target, with little self-motion.
 
@@ -168,6 +173,8 @@ def project(
         Joint positions, rad or m, shape (k, n).
     target :
         The target, or one for each posture.
+    locked :
+        True at joints that stay where they are, shape (k, n).
     tolerance :
         Largest residual, m and rad.
 
@@ -189,13 +196,17 @@ def project(
         left, missing, J = left[~is_there], missing[~is_there], at.J[~is_there]
         if not len(left):
             break
-        q[left] = _stepped(robot, q[left], J[:, target.rows], missing)
+        free = np.ones_like(missing, shape=(len(left), robot.n))
+        if locked is not None:
+            free[locked[left]] = 0.0
+        q[left] = _stepped(robot, q[left], J[:, target.rows], missing, free)
     return q, reached
 
 
-def _stepped(robot: Robot, q: Matrix, J: NDArray[np.float64], missing: Matrix) -> Matrix:
-    """Return postures after a step, with joints held that would leave their limits."""
-    free = np.ones_like(q)
+def _stepped(
+    robot: Robot, q: Matrix, J: NDArray[np.float64], missing: Matrix, free: Matrix
+) -> Matrix:
+    """Return postures after a step of the joints that are free, and stay within their limits."""
     for _ in range(2):
         step = _least_norm(J * free[:, None], missing)
         largest = np.abs(step).max(axis=1, keepdims=True)
