@@ -12,9 +12,11 @@ from numpy.testing import assert_allclose
 import ftforce
 from ftforce.errors import InputError
 from ftforce.planning.self_motion import self_motion
-from helpers import campaign
+from ftforce.show.render import to_text
+from ftforce.show.tables.posture import posture_view
+from helpers import campaign, load_text, serial_urdf
 from test_cli import run
-from test_self_motion import planar
+from test_self_motion import planar, srs
 
 PI = math.pi
 MEASURES = ("margin", "rho")
@@ -81,7 +83,7 @@ def jacobians_of_planar(q):
 def test_best_posture_of_a_planar_arm_is_that_of_a_grid(measure, bound):
     arm, rng = planar(bound=bound), np.random.default_rng(4)
     for _ in range(campaign(40, 3)):
-        r, angle = rng.uniform(0.3, 2.8), rng.uniform(-PI, PI)
+        r, angle = rng.uniform(0.5, 2.4), rng.uniform(-1.5, 1.5)
         x, y = r * math.cos(angle), r * math.sin(angle)
         found = ftforce.best_posture(arm, (x, y, 0.0), maximize=measure, task="fx,fy", restarts=24)
         worst = worst_by_numpy(jacobians_of_planar(grid_of_planar(x, y, bound)), measure)
@@ -92,39 +94,21 @@ def test_best_posture_of_a_planar_arm_is_that_of_a_grid(measure, bound):
         assert_allclose(best, own[0], rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "task", "rows"),
-    [
-        ("panda", "wrench", slice(0, 6)),
-        ("panda", "force", slice(0, 3)),
-        ("ur5e", "fx,fy", [0, 1]),
-        ("dh5", "force", slice(0, 3)),
-        ("tiago", "wrench", slice(0, 6)),
-    ],
-)
-def test_no_posture_of_a_finer_trace_is_better(name, task, rows):
-    """The other search: ten times finer, from other starts, and every Jacobian by Pinocchio."""
-    arm = ftforce.load_robot(name)
-    low, high = arm.ranges
-    keeps = tuple(range(6))[: min(6, arm.n - 1)]
-    if name == "tiago":
-        pytest.importorskip("pinocchio")
+@pytest.mark.parametrize("name", ["panda", "canadarm2", "srs", "tiago", "dh5"])
+def test_no_posture_of_a_finer_trace_is_better(name):
+    """The other search: finer, from other starts, and every Jacobian by Pinocchio."""
+    arm = srs() if name == "srs" else ftforce.load_robot(name)
+    middle, half = 0.5 * (arm.ranges[0] + arm.ranges[1]), 0.25 * (arm.ranges[1] - arm.ranges[0])
     for seed in range(campaign(40, 1)):
-        drawn = np.random.default_rng(seed).uniform(0.25, 0.75, arm.n)
-        q = low + drawn * (high - low)
-        if len(keeps) == 6:
-            found = ftforce.best_posture(arm, like=q, maximize="margin", task=task)
-        else:
-            found = ftforce.best_posture(arm, np.array(arm_tip(arm, q)), maximize="margin",
-                                         task=task, restarts=24)  # fmt: skip
-        target = found.self_motion.target
-        d = found.self_motion.dimension
-        finer = self_motion(arm, target, seed=seed + 77, step=0.01,
-                            resolution=None if d < 2 else 0.5 * found.self_motion.step)  # fmt: skip
-        grid = finer.q[:: max(1, len(finer.q) // 4000)]
-        length = 1.0
-        J = jacobians_by_pinocchio(arm, grid, rows) * length
-        best = worst_by_numpy(J, "margin").max()
+        q = middle + half * np.random.default_rng(seed).uniform(-1.0, 1.0, arm.n)
+        place = {"at": arm_tip(arm, q)} if name == "dh5" else {"like": q}
+        found = ftforce.best_posture(arm, **place, task="fx,fz", restarts=24)
+        motion = found.self_motion
+        coarser = None if motion.dimension == 1 else 0.8 * motion.step
+        finer = self_motion(
+            arm, motion.target, seed=seed + 77, step=0.02, resolution=coarser, restarts=24
+        )
+        best = worst_by_numpy(jacobians_by_pinocchio(arm, finer.q[:5000], [0, 2]), "margin").max()
         assert found.measured_after.min() >= best * (1.0 - 1e-3)
 
 
@@ -166,7 +150,8 @@ def test_payload_is_held_and_a_jump_is_minimised(panda):
         assert carried == pytest.approx(payload.maximum, rel=1e-9)
     asked = {"faults": 2, "force": (0, 0, 30), "restarts": 12}
     jump = ftforce.best_posture(panda, like="default", maximize="jump", **asked)
-    assert jump.measured_after.max() <= 1e-9 < 20.0 < jump.measured_before.max()
+    assert jump.measured_after.max() <= 1e-9
+    assert jump.measured_before.max() > 20.0
     assert jump.gains.max() == pytest.approx(jump.measured_before.max())
 
 
@@ -184,21 +169,15 @@ def test_capability_is_that_of_the_command(panda):
 def test_ties_are_broken_by_the_distance_to_the_limits():
     """Mirrored postures are as good; of these, the one whose elbows have more room is chosen."""
     arm = planar()
-    limits = arm.joints[1].upper
     best = ftforce.best_posture(arm, (1.6, 0.0, 0.0), task="fx,fy", restarts=24)
     mirrored = worst_by_numpy(jacobians_of_planar(-best.after.q[None]), "margin")
     assert_allclose(mirrored, best.measured_after.min(), rtol=1e-9)
     assert best.is_tied
-    from test_self_motion import serial_urdf  # the same arm with other limits of its elbow
-
-    z = {"axis": (0, 0, 1)}
-    for low, high, way in ((-limits, 0.9 * limits, -1.0), (-0.9 * limits, limits, 1.0)):
-        steps = [("revolute", {**z, "lower": -limits, "upper": limits, "xyz": (x, 0, 0)})
-                 for x in (0.0, 1.0, 1.0)]  # fmt: skip
+    z = {"axis": (0, 0, 1), "lower": -PI, "upper": PI}
+    for low, high, way in ((-PI, 0.9 * PI, -1.0), (-0.9 * PI, PI, 1.0)):
+        steps = [("revolute", {**z, "xyz": (x, 0, 0)}) for x in (0.0, 1.0, 1.0)]
         steps[2] = ("revolute", {**steps[2][1], "lower": low, "upper": high})
         text = serial_urdf(*steps).replace("0.11 0.05 0.03", "1.0 0.0 0.0")
-        from helpers import load_text
-
         found = ftforce.best_posture(load_text(text), (1.6, 0.0, 0.0), task="fx,fy", restarts=24)
         assert_allclose(found.measured_after.min(), best.measured_after.min(), rtol=1e-6)
         room = np.minimum(found.after.q[2] - low, high - found.after.q[2])
@@ -222,7 +201,9 @@ def test_arm_without_redundancy_has_one_posture_per_branch():
     found = ftforce.best_posture(arm, like=[0.3, -1.2, 1.4, -0.7, 0.9, 0.2], task="wrench")
     assert found.self_motion.dimension == 0
     assert len(found.self_motion.components) == 8
-    assert "one per branch" in ftforce.show_text(found) if hasattr(ftforce, "show_text") else True
+    shown = to_text(posture_view(found))
+    assert "8 postures, one per branch" in shown
+    assert "the arm has no self-motion here" in " ".join(shown.split())
 
 
 # ---- the command ---------------------------------------------------------------------------------
@@ -233,7 +214,6 @@ def test_command_writes_what_other_commands_read(tmp_path):
     outputs = [word for end in ("srdf", "json", "csv") for word in ("-o", str(files[end]))]
     shown = run("posture", "panda", "--like", "default", "--restarts", "12", "--plot",
                 str(files["svg"]), *outputs)  # fmt: skip
-    assert shown.exit_code == 0, shown.output
     assert "collisions are not checked" in shown.output
     assert "rises from 0.3 ({2}) to 0.413" in " ".join(shown.output.split())
     found = json.loads(files["json"].read_text())
@@ -269,8 +249,7 @@ def test_command_writes_what_other_commands_read(tmp_path):
     ],
 )
 def test_bad_command_lines_are_answered_in_one_line(words, message):
-    shown = run("posture", "panda", *words)
-    assert shown.exit_code in {1, 2}
+    shown = run("posture", "panda", *words, status=2 if "force" in words else 1)
     assert message in shown.output
     assert len(shown.output.strip().splitlines()) == 1
 

@@ -68,7 +68,7 @@ def posture(
     maximize: MaximizeOption = "margin",
     restarts: Annotated[
         int, typer.Option(metavar="N", help="Random postures from which others are searched.")
-    ] = 64,
+    ] = 128,
     seed: SeedOption = 0,
     top: TopOption = 40,
 ) -> None:

@@ -127,7 +127,7 @@ def best_posture(
     faults: int = 1,
     mode: FaultMode | str = FaultMode.LOCKED,
     maximize: str = "margin",
-    restarts: int = 64,
+    restarts: int = 128,
     step: float = 0.05,
     resolution: float | None = None,
     seed: int = 0,

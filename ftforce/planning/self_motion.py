@@ -122,7 +122,7 @@ def self_motion(
     target: TipTarget,
     *,
     start: ArrayLike | None = None,
-    restarts: int = 64,
+    restarts: int = 128,
     step: float = 0.05,
     resolution: float | None = None,
     seed: int = 0,
