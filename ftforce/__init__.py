@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ftforce.core.verdict import Verdict
     from ftforce.errors import FtforceError
     from ftforce.planning.path import plan
+    from ftforce.planning.posture import best_posture
     from ftforce.report.files import save, to_dict
     from ftforce.robot.formats.dh import DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
@@ -59,6 +60,7 @@ _HOMES = {
     "Timeline": "trajectory.timeline",
     "Verdict": "core.verdict",
     "analyze": "analysis.analyze",
+    "best_posture": "planning.posture",
     "capability": "analysis.capability",
     "census": "analysis.census",
     "compare": "batch.comparison",
@@ -94,6 +96,7 @@ __all__ = [
     "Timeline",
     "Verdict",
     "analyze",
+    "best_posture",
     "capability",
     "census",
     "compare",

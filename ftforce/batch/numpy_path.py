@@ -20,7 +20,7 @@ from ftforce.batch.plan import as_block, empty_answers
 from ftforce.core import measures
 from ftforce.core.arrays import norm, read_only
 from ftforce.core.bounded_remap import remap_inside
-from ftforce.core.feasible_forces import feasible_forces, reach
+from ftforce.core.feasible_forces import LockModel, feasible_forces, reach
 from ftforce.core.reduced_jacobian import FreeJoints, reduce_decomposed
 from ftforce.core.remap import force_jump, supported_force
 from ftforce.core.stacked_free import fill_free
@@ -49,10 +49,12 @@ class NumpyEvaluator:
     ----------
     plan :
         What to compute.
+    lock :
+        Whether the capability is what motors can command, or what brakes hold too.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan, lock: LockModel = LockModel.COMMANDED) -> None:
+        self.plan, self.lock = plan, lock
 
     def __call__(self, q: Matrix) -> Block:
         """Return the results for postures.
@@ -62,16 +64,16 @@ class NumpyEvaluator:
         q :
             Joint positions, rad or m, shape (k, n).
         """
-        return as_block(evaluate(self.plan, q))
+        return as_block(evaluate(self.plan, q, self.lock))
 
 
-def evaluate(plan: Plan, q: Matrix) -> Answers:
+def evaluate(plan: Plan, q: Matrix, lock: LockModel = LockModel.COMMANDED) -> Answers:
     """Return the results for postures, as the kernels give them.
 
     Parameters
     ----------
-    plan :
-        What to compute.
+    plan, lock :
+        What to compute, as in `NumpyEvaluator`.
     q :
         Joint positions, rad or m, shape (k, n).
     """
@@ -79,7 +81,7 @@ def evaluate(plan: Plan, q: Matrix) -> Answers:
     size = max(1, _PAIRS // max(1, len(plan.faults.locked)))
     for first in range(0, len(q), size):
         rows = slice(first, first + size)
-        _fill(plan, q[rows], _rows_of(answers, rows))
+        _fill(plan, q[rows], _rows_of(answers, rows), lock)
     return answers
 
 
@@ -245,7 +247,7 @@ def _weight_torques(mechanism: Mechanism, R: list[Stack], p: list[Matrix], n: in
 # ---- all postures and sets at once -------------------------------------------------------------
 
 
-def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
+def _fill(plan: Plan, q: Matrix, answers: Answers, lock: LockModel) -> None:
     """Fill in the results of a stack of postures."""
     faults, question = plan.faults, plan.question
     placed = place(plan.mechanism, question, q)
@@ -285,7 +287,7 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
     if direction is not None:
         largest = np.where(faults.locked, question.brake, question.effort)
         largest[faults.free] = 0.0
-        commanded, _ = reach_of(
+        commanded, held = reach_of(
             placed.J,
             placed.weight[:, None],
             largest,
@@ -295,10 +297,10 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
             within=borne,
             middle=np.where(faults.locked | faults.free, 0.0, question.middle),
         )
-        answers.capability[:] = commanded.T
+        answers.capability[:] = (held if lock is LockModel.HELD else commanded).T
     for i in np.flatnonzero(left.any(axis=1)).tolist():
         one = _Posture(i, placed.J[i], placed.weight[i])
-        _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers)
+        _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers, lock)
 
 
 def settle_postures(plan: Plan, q: Matrix, at: NDArray[np.intp], answers: Answers) -> None:
@@ -350,7 +352,13 @@ class _Posture(NamedTuple):
     weight: Vector
 
 
-def _settle(plan: Plan, posture: _Posture, sets: list[int], answers: Answers) -> None:
+def _settle(
+    plan: Plan,
+    posture: _Posture,
+    sets: list[int],
+    answers: Answers,
+    lock: LockModel = LockModel.COMMANDED,
+) -> None:
     """Evaluate sets in one posture as `ftforce.analyze` does."""
     question, faults, i = plan.question, plan.faults, posture.i
     healthy = Svd(read_only(posture.J.copy()))
@@ -373,7 +381,7 @@ def _settle(plan: Plan, posture: _Posture, sets: list[int], answers: Answers) ->
         answers.rho[s, i] = measures.relative_manipulability(reduced)
         _settle_force(plan, posture, reduced, F, _column_of(answers, s, i))
         if question.direction.size:
-            answers.capability[s, i] = _capability(plan, reduced, posture.weight, s)
+            answers.capability[s, i] = _capability(plan, reduced, posture.weight, s, lock)
 
 
 def _settle_force(
@@ -397,12 +405,14 @@ def _settle_force(
     _write_jumps(question, lost[None, None], np.array([norm(F)]), answers)
 
 
-def _capability(plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int) -> float:
-    """Return the largest force that can be commanded in the direction, NaN if there is none."""
+def _capability(
+    plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int, lock: LockModel
+) -> float:
+    """Return the largest force in the direction, commanded or held, NaN if there is none."""
     question, faults = plan.question, plan.faults
     largest = np.where(faults.locked[s], question.brake, question.effort)
     largest[faults.free[s]] = 0.0
     middle = np.where(faults.locked[s] | faults.free[s], 0.0, question.middle)
     both = np.array([middle - largest, middle + largest])
-    ray = reach(feasible_forces(reduced, weight, both), question.direction)
+    ray = reach(feasible_forces(reduced, weight, both, lock), question.direction)
     return math.nan if ray.is_empty else ray.maximum

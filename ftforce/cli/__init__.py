@@ -26,6 +26,7 @@ COMMANDS = (
     "analyze",
     "census",
     "capability",
+    "posture",
     "view",
     "simulate",
     "timeline",

@@ -16,6 +16,10 @@ EXAMPLES = {
         "capability panda --locked 2,4 --axes world",
         "capability panda --weak 4:0.5 --direction 0,0,-1 --plot force.svg",
     ),
+    "posture": (
+        "posture panda --like default",
+        "posture panda --at .5,.1,.4 --rpy 180,0,0 --deg --maximize payload -o best.srdf",
+    ),
     "simulate": (
         "simulate panda --to .4,.3,.4 --speed 0.2 --force 0,0,30 --fault 4@1",
         "simulate --paper -o run.npz",

@@ -561,6 +561,21 @@ class HistoryOutputs(PlotOutputs):
     ] = None
 
 
+class PostureOutputs(PlotOutputs):
+    """Where a posture and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the postures as named ones (.srdf), all of it (.json), the fault "
+            "sets (.csv .xlsx .tex .md), or the tables (.txt .svg .html); repeat it for more.",
+        ),
+    ] = None
+
+
 class PlanOutputs(PlotOutputs):
     """Where a planned motion and its plot go."""
 

@@ -31,8 +31,13 @@ class Format(StrEnum):
 
 _ENDINGS = ("json", "csv", "xlsx", "tex", "md", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet", "mcap")
-_MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "plan": ("mcap",), "sweep": ("zarr",)}
-_DATA = ("json", "csv", "xlsx", "tex", "md", *_HISTORY_ENDINGS)
+_MORE_ENDINGS = {
+    "simulate": _HISTORY_ENDINGS,
+    "plan": ("mcap",),
+    "posture": ("srdf",),
+    "sweep": ("zarr",),
+}
+_DATA = ("json", "csv", "xlsx", "tex", "md", "srdf", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 

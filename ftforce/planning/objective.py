@@ -12,6 +12,7 @@ from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import AllFaultSets, Question
 from ftforce.core.arrays import norm
 from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.core.feasible_forces import LockModel
 from ftforce.core.task import Task
 from ftforce.errors import InputError, UnknownNameError
 
@@ -130,7 +131,9 @@ class Objective:
         has_free = any(one.in_mode(FaultMode.FREE) for one in self.sets)
         has_limits = self.question.direction is not None
         plan = Plan.of(self.question, self.sets, needs_gravity=has_free or has_limits)
-        return NumpyEvaluator(plan)
+        # A payload is held: brakes carry their share of it (theory §5).
+        lock = LockModel.HELD if self.name == "payload" else LockModel.COMMANDED
+        return NumpyEvaluator(plan, lock)
 
     def measured(self, q: Matrix) -> Matrix:
         """Return the measure after every fault set, in its unit, shape (k, S).

@@ -121,13 +121,13 @@ def best_posture(
     at: ArrayLike | None = None,
     *,
     rpy: ArrayLike | None = None,
-    like: str | ArrayLike | None = None,
+    like: str | ArrayLike | Posture | None = None,
     q: ArrayLike | Posture | None = None,
     posture: str | None = None,
     faults: int = 1,
     mode: FaultMode | str = FaultMode.LOCKED,
     maximize: str = "margin",
-    restarts: int = 64,
+    restarts: int = 128,
     step: float = 0.05,
     resolution: float | None = None,
     seed: int = 0,
@@ -216,7 +216,10 @@ def best_posture(
 
 
 def _target(
-    robot: Robot, at: ArrayLike | None, rpy: ArrayLike | None, like: str | ArrayLike | None
+    robot: Robot,
+    at: ArrayLike | None,
+    rpy: ArrayLike | None,
+    like: str | ArrayLike | Posture | None,
 ) -> tuple[TipTarget, Posture | None]:
     """Return what of the tip is kept, and the posture that it is like."""
     if at is None and like is None:

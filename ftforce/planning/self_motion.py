@@ -33,6 +33,7 @@ REACHED = 1e-9  # m and rad
 _RESOLUTIONS = {2: 0.15, 3: 0.8}  # rad or m, by dimension
 _COARSE = 1.4  # of four and more
 _COARSER = 1.4  # by how much a resolution is enlarged that takes too many samples
+_MORE = 256  # random postures tried before a target is called unreachable
 _SAME = 1e-6  # rad or m: postures of an arm without redundancy
 _NEAR = 0.1  # of the step: as far as a posture on a traced curve may be from its chords
 
@@ -121,7 +122,7 @@ def self_motion(
     target: TipTarget,
     *,
     start: ArrayLike | None = None,
-    restarts: int = 64,
+    restarts: int = 128,
     step: float = 0.05,
     resolution: float | None = None,
     seed: int = 0,
@@ -174,9 +175,11 @@ def self_motion(
     tried = _restarts(robot, lower, upper, restarts, seed)
     if first is not None:
         tried = np.concatenate([first[None], tried])
-    q = project(robot, tried, target, limits=np.array([lower, upper]))
-    error = np.abs(residual(robot, q, target)).max(axis=1)
-    reached = q[error <= REACHED]
+    q, reached = _found(robot, target, tried, (lower, upper))
+    if not len(reached):  # before that is said, more is tried
+        more = _restarts(robot, lower, upper, max(_MORE, restarts), seed + 1)
+        tried = np.concatenate([tried, more])
+        q, reached = _found(robot, target, tried, (lower, upper))
     if not len(reached):
         raise _unreachable(robot, target, q, (lower, upper))
     manifold = _manifold(robot, target, reached, lower, upper)
@@ -213,6 +216,14 @@ def _check_numbers(restarts: int, step: float, resolution: float | None, seed: i
     for name, size in (("step", step), ("resolution", resolution)):
         if size is not None and not (is_number(size) and 1e-4 <= size <= 1.0):
             raise InputError(f"{name} must be a length from 0.0001 to 1 (rad or m), got {size!r}")
+
+
+def _found(
+    robot: Robot, target: TipTarget, tried: Matrix, limits: tuple[Vector, Vector]
+) -> tuple[Matrix, Matrix]:
+    """Return where searches from some postures end, and those that reach the target."""
+    q = project(robot, tried, target, limits=np.array(limits))
+    return q, q[np.abs(residual(robot, q, target)).max(axis=1) <= REACHED]
 
 
 def _restarts(robot: Robot, lower: Vector, upper: Vector, count: int, seed: int) -> Matrix:

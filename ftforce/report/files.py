@@ -22,6 +22,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
 from ftforce.io.text import write_whole
 from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
 from ftforce.report.analysis import analysis_document, analysis_rows
 from ftforce.report.capability import capability_document, capability_rows
 from ftforce.report.census import census_document, census_rows
@@ -31,6 +32,7 @@ from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
 from ftforce.report.plan import plan_document, plan_rows
+from ftforce.report.posture import posture_document, posture_rows, posture_srdf
 from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance, origin_of
 from ftforce.report.robot import (
     replication_document,
@@ -55,6 +57,7 @@ if TYPE_CHECKING:
 
     Result: TypeAlias = (
         Analysis
+        | BestPosture
         | Capability
         | Census
         | Comparison
@@ -94,6 +97,7 @@ to_rows.register(Capability, capability_rows)
 to_rows.register(History, history_rows)
 to_rows.register(Timeline, timeline_rows)
 to_rows.register(PathPlan, plan_rows)
+to_rows.register(BestPosture, posture_rows)
 to_rows.register(Robot, robot_rows)
 to_rows.register(Replication, replication_rows)
 to_rows.register(Comparison, comparison_rows)
@@ -147,6 +151,7 @@ _document.register(Sweep, sweep_document)
 _document.register(WorkspaceMap, map_document)
 _document.register(Timeline, timeline_document)
 _document.register(PathPlan, plan_document)
+_document.register(BestPosture, posture_document)
 
 
 FORMATS = ("json", "csv", "xlsx", "tex", "md")
@@ -169,7 +174,8 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
         A result or a robot.
     path :
         The file, with extension ``.json``, ``.csv``, ``.xlsx``, ``.tex`` or ``.md``; for a history
-        also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2.
+        also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2; for a best posture also
+        ``.srdf``.
 
     Raises
     ------
@@ -195,7 +201,7 @@ def to_content(result: object, form: str) -> str | bytes:
         A result or a robot.
     form :
         ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz``, ``parquet`` or
-        ``mcap``, a trajectory for ROS 2.
+        ``mcap``, a trajectory for ROS 2; for a best posture also ``srdf``.
 
     Raises
     ------
@@ -204,6 +210,8 @@ def to_content(result: object, form: str) -> str | bytes:
     """
     if isinstance(result, History) and form in history_files.FORMATS:
         return history_files.history_bytes(result, form, _origin(result))
+    if isinstance(result, BestPosture) and form == "srdf":
+        return posture_srdf(result)
     if isinstance(result, (History, PathPlan)) and form == "mcap":
         return _trajectory(result)
     return _workbook(result) if form == "xlsx" else to_text(result, form)
@@ -213,7 +221,8 @@ def _formats_of(result: object) -> tuple[str, ...]:
     """Return the endings of the files that hold a result as data."""
     if isinstance(result, History):
         return _HISTORY_FORMATS
-    return (*FORMATS, "mcap") if isinstance(result, PathPlan) else FORMATS
+    more = {PathPlan: "mcap", BestPosture: "srdf"}.get(type(result))
+    return FORMATS if more is None else (*FORMATS, more)
 
 
 def _trajectory(result: History | PathPlan) -> bytes:

@@ -21,6 +21,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
 from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
 from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -62,7 +63,15 @@ _TITLE_AND_AXIS = 1.0  # in; a plot's height in addition to its rows
 
 
 Drawable: TypeAlias = (
-    History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison | PathPlan
+    History
+    | Timeline
+    | Census
+    | Capability
+    | Sweep
+    | WorkspaceMap
+    | Comparison
+    | PathPlan
+    | BestPosture
 )
 
 
@@ -72,8 +81,8 @@ def figure(result: Drawable) -> Figure:
     Parameters
     ----------
     result :
-        A simulation history, timeline, plan, census, capability, comparison, sweep, or map of a
-        sweep.
+        A simulation history, timeline, plan, best posture, census, capability, comparison, sweep,
+        or map of a sweep.
 
     Raises
     ------
@@ -213,6 +222,11 @@ def _of_plan(drawn: Figure, plan: PathPlan) -> None:
     plots.planned_positions(plan, ax=lower)
 
 
+def _of_posture(drawn: Figure, found: BestPosture) -> None:
+    drawn.set_size_inches(WIDTH, 3.2)
+    plots.along_self_motion(found, ax=drawn.subplots())
+
+
 def _of_census(drawn: Figure, census: Census) -> None:
     rows = min(_MOST_BARS, len(census.sets))
     drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * (rows + 1))
@@ -273,6 +287,7 @@ _LAYOUTS: dict[type[Any], Any] = {
     Capability: _of_capability,
     Comparison: lay_out,
     PathPlan: _of_plan,
+    BestPosture: _of_posture,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

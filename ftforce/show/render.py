@@ -18,6 +18,7 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
 from ftforce.robot.robot import Robot
 from ftforce.show.tables.analysis import analysis_view, remap_view
 from ftforce.show.tables.capability import capability_view
@@ -26,6 +27,7 @@ from ftforce.show.tables.comparison import comparison_view
 from ftforce.show.tables.history import history_view
 from ftforce.show.tables.map import map_view
 from ftforce.show.tables.plan import plan_view
+from ftforce.show.tables.posture import posture_view
 from ftforce.show.tables.replication import replication_view
 from ftforce.show.tables.robot import robot_view
 from ftforce.show.tables.sweep import sweep_view
@@ -41,6 +43,7 @@ def render(result: object) -> RenderableType:
 
 
 render.register(Analysis, analysis_view)
+render.register(BestPosture, posture_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
 render.register(Comparison, comparison_view)
