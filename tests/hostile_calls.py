@@ -237,6 +237,14 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "waypoints": lambda c: c.one(3, 4, 5, odd=(1, 2.5, -1, "3", True)),
     "max_acceleration": lambda c: c.one(None, 50.0, c.vector(c.robot.n), odd=(-1.0, "x", math.inf)),
     "keep_start": lambda c: c.one(False, True),
+    "place": lambda c: c.one([0.3, 0.1, 0.3], c.vector(3), None),
+    "rpy": lambda c: c.maybe(c.vector(3), 0.2),
+    "like": lambda c: c.one(None, "zero", c.vector(c.robot.n), odd=("nowhere", 3)),
+    "restarts": lambda c: c.one(2, 4, odd=(0, -1, 2.5, "3")),
+    "step": lambda c: c.one(0.1, 0.2, odd=(0.0, -1.0, "x", 9.0)),
+    "resolution": lambda c: c.one(0.8, 1.0, odd=(0.0, -1.0, "x")),
+    "guarantee": lambda c: c.one(False, True),
+    "locks": lambda c: c.one(None, "1@0.1", {2: -0.1}, "2@0.01s", odd=("2", "9@1", {1: "x"}, 3)),
     "smooth": lambda c: c.one("auto", "none", 0.1, odd=("much", -1.0, math.nan, 1e-9)),
     "static": lambda c: c.one(False, True),
     "enough": lambda c: c.size(0.95, 0.5, 1.0, scale=0.5),
@@ -344,6 +352,8 @@ class Kind(NamedTuple):
 
 
 _OF_MODEL = ("posture:configuration", "limits:motors")
+_AFTER_LOCKS = ("locked:locks", *(x for x in _optional(ftforce.plan) if x != "locked"))
+_OF_POSTURE = tuple(x for x in _optional(ftforce.best_posture) if x != "at")
 _TABLE = "target kind radius density a alpha d theta type lower upper"
 KINDS = (
     *(Kind(one, 200, "robot", _optional(one)) for one in (ftforce.capability, ftforce.census)),
@@ -354,7 +364,8 @@ KINDS = (
     Kind(remapped_jacobian, 30, "J tau faults", ("mode", "limits:efforts", "rtol", "wary")),
     Kind(ftforce.sweep, 12, "robot n", _optional(ftforce.sweep)),
     Kind(ftforce.timeline, 12, "robot trajectory", _optional(ftforce.timeline)),
-    Kind(ftforce.plan, 4, "robot trajectory waypoints", _optional(ftforce.plan)),
+    Kind(ftforce.best_posture, 6, "robot at:place restarts step resolution", _OF_POSTURE),
+    Kind(ftforce.plan, 4, "robot trajectory waypoints", _AFTER_LOCKS),
     Kind(ftforce.simulate, 12, "robot trajectory force faults:events", _optional(ftforce.simulate)),
     Kind(ftforce.compare, 4, "arms n", _optional(ftforce.compare)),
     Kind(workspace_map, 20, "sweep", ("joints:some", "plane", "at", "solid", "quantities")),

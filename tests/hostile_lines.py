@@ -204,7 +204,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "plot": (*PLOTS, *NO_OUT[:4]),
     "export": ("out.html", "out.htm", "out.txt"),
     "screenshot": ("out.jpg", "no/out.png"),
-    "at": NUMBERS,
+    "at": (*NUMBERS, "0.3,0.1,0.3", "0.4,0,0.4"),
     "host": ("127.0.0.1",),
     "port": ("0", "65536", "x"),
     "start": PLACES,
@@ -213,6 +213,10 @@ VALUES: dict[str, tuple[str, ...]] = {
     "rate": ("20", "50", "0", "1e9", "1e-9"),
     "max_gap": NUMBERS,
     "maximize": ("margin", "rho", "capability", "payload", "jump", "speed"),
+    "like": ("zero", "default", "0,0.1,-0.2,0.3,0.1", "nowhere", "1"),
+    "rpy": ("0,0,0", "3,0,0.5", "1", "x"),
+    "restarts": ("2", "4", "0", "-1", "1.5"),
+    "locks": ("2@0.1", "1@0.2,3@-0.1", "2@0.05s", "2", "9@1", "@", "1@x", "1@0.1,2@1s"),
     "waypoints": ("3", "4", "5", "1", "1.5", "-2"),
     "max_acceleration": ("50", "5,5,5,5,5", "1,2", "-1", "1e-9", "x"),
     "smooth": ("auto", "none", "0.1", "1e-9", "9"),
@@ -297,7 +301,7 @@ def _is_needed(command: str, name: str) -> bool:
         return command == "simulate"
     if name == "kernels":  # all would take long to compile
         return True
-    if name == "waypoints":  # a hundred would take long
+    if name in {"waypoints", "restarts"}:  # a hundred would take long
         return True
     return name == ("samples" if command in {"sweep", "compare"} else "export") and command in {
         *("sweep", "compare", "view")

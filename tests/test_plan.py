@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose
 import ftforce
 import physics
 from ftforce.analysis.question import AllFaultSets
-from ftforce.planning import path as planning
 from ftforce.planning.objective import MEASURES, Objective
 from ftforce.planning.path import plan
-from ftforce.planning.tool_path import TipTargets, project
+from ftforce.planning.projection import project
+from ftforce.planning.search import TIP_TOLERANCE
+from ftforce.planning.target import TipTarget
 from ftforce.trajectory import Path, Recording
 from test_cli import run
 
@@ -47,9 +48,9 @@ def test_tip_stays_on_its_path_between_the_instants_too(panda, posed):
     start = next(pinocchio_poses(panda, posed.before.q[:1])).rotation
     for time, pose in zip(t, pinocchio_poses(panda, CubicSpline(posed.t, posed.after.q)(t)),
                           strict=True):  # fmt: skip
-        assert np.linalg.norm(pose.translation - POSE.at(time)[0]) <= planning.TIP_TOLERANCE
-        assert np.linalg.norm(pin.log3(start.T @ pose.rotation)) <= planning.TIP_TOLERANCE
-    assert posed.tip_error <= planning.TIP_TOLERANCE
+        assert np.linalg.norm(pose.translation - POSE.at(time)[0]) <= TIP_TOLERANCE
+        assert np.linalg.norm(pin.log3(start.T @ pose.rotation)) <= TIP_TOLERANCE
+    assert posed.tip_error <= TIP_TOLERANCE
 
 
 def test_motion_stays_within_position_and_velocity_limits(panda, posed):
@@ -74,7 +75,7 @@ def test_no_posture_of_a_dense_search_does_much_better(panda, posed):
     """At the worst instant, thousands of random postures with the same pose are not better."""
     i = posed.worst_of(posed.after)
     pose = next(pinocchio_poses(panda, posed.after.q[i : i + 1]))
-    target = TipTargets.of(pose.translation, pose.rotation)
+    target = TipTarget.of(pose.translation, pose.rotation)
     rng = np.random.default_rng(1)
     seeds = panda.lower + rng.random((1500, 7)) * (panda.upper - panda.lower)
     q, reached = project(panda, seeds, target)
@@ -153,7 +154,7 @@ def test_a_malformed_question_is_one_clear_line(panda, asked, message):
 
 def test_a_waypoint_out_of_reach_tells_how_far(panda):
     far = Path.through([(0.5, 0.0, 0.4), (1.2, 0.0, 0.4)], speed=0.1)
-    with pytest.raises(ftforce.FtforceError, match=r"waypoint \d of 6, .* position found is .* m"):
+    with pytest.raises(ftforce.FtforceError, match=r"waypoint \d of 6, .* misses it by .* m"):
         plan(panda, far, waypoints=6)
 
 

@@ -55,6 +55,23 @@ def plan(
         bool,
         typer.Option("--keep-start", help="Start in the posture in which the usual path starts."),
     ] = False,
+    locks: Annotated[
+        str | None,
+        typer.Option(
+            "--locked",
+            metavar="J@POS|J@Ts",
+            help="Joints that have locked, and where (3@0.7, rad or m) or when (3@2s): plan the "
+            "rest of the path.",
+            show_default="none",
+        ),
+    ] = None,
+    guarantee: Annotated[
+        bool,
+        typer.Option(
+            "--guarantee",
+            help="Prefer a path that can be finished whichever joint locks on the way.",
+        ),
+    ] = False,
     seed: SeedOption = 0,
 ) -> None:
     """Plan the joint path along a tool path that keeps the most after a fault.
@@ -76,6 +93,6 @@ def plan(
     with progress_bar("waypoints") as progress:
         result = path.plan(
             arm, maximize=maximize, waypoints=waypoints, keep_start=keep_start, seed=seed,
-            progress=progress, **asked,
+            locked=locks, guarantee=guarantee, progress=progress, **asked,
         )  # fmt: skip
     outputs.emit(plan_view(result), result, f"ftforce plan {arm.name}")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ftforce.planning.projection import project
-from ftforce.planning.target import residual
 
 if TYPE_CHECKING:
     from ftforce.core.arrays import Matrix, Vector
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 MOST = 5_000
 """Samples of a manifold, in all its components."""
 _APART = 0.6  # samples are this far apart, of the resolution
-_REACHED = 1e-9  # m and rad
 _ITERATIONS = 12
 
 
@@ -60,8 +58,9 @@ def _neighbours(manifold: Manifold, q: Matrix, length: float) -> Matrix:
     steps = length * (directions @ basis)
     tried = (q[:, None] + steps).reshape(-1, q.shape[1])
     limits = np.array([manifold.lower, manifold.upper])
-    new = project(manifold.robot, tried, manifold.target, iterations=_ITERATIONS, limits=limits)
-    reached = np.abs(residual(manifold.robot, new, manifold.target)).max(axis=1) <= _REACHED
+    new, reached = project(
+        manifold.robot, tried, manifold.target, iterations=_ITERATIONS, limits=limits
+    )
     # A projection that went far is on another part of the manifold.
     near = np.linalg.norm(new - np.repeat(q, len(signs), axis=0), axis=1) <= 1.5 * length
     chosen: Matrix = new[reached & near]

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ftforce.core.arrays import read_only
-from ftforce.planning.tool_path import project
+from ftforce.analysis.limits_files import URDF
+from ftforce.analysis.question import AllFaultSets, Question
+from ftforce.core.arrays import norm, read_only
+from ftforce.core.faults import FaultMode, FaultSet
+from ftforce.planning.objective import Objective
+from ftforce.planning.projection import project
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from ftforce.core.arrays import Mask, Matrix, Vector
-    from ftforce.planning.tool_path import TipTargets
+    from ftforce.planning.locks import Locks
+    from ftforce.planning.target import TipTarget
+    from ftforce.planning.tool_path import ToolPath
     from ftforce.robot.robot import Robot
 
+_ITERATIONS = 12  # of Newton's method; a step to the next waypoint needs about three
 _AT_LIMIT = 1e-9  # rad or m
 _ROUNDING = 1e-9  # relative: a joint at its velocity limit is within it
 
@@ -56,12 +61,15 @@ class Guarantee:
 
     Attributes
     ----------
+    t :
+        Times of the waypoints at the speed that was asked for, s, shape (k,).
     holds :
         Whether the damaged arm finishes the path if a joint locks at a waypoint, shape (k, n).
     broken :
         The locks of which that was not shown.
     """
 
+    t: Vector
     holds: Mask
     broken: tuple[Broken, ...]
 
@@ -71,12 +79,60 @@ class Guarantee:
         return float(self.holds.mean())
 
 
-def guarantee(
-    robot: Robot,
-    q: Matrix,
-    targets: TipTargets,
-    steps: Matrix,
-    keeps_force: Callable[[Matrix, NDArray[np.intp]], Mask] | None = None,
+@dataclass(frozen=True, eq=False)
+class ForceKept:
+    """Whether a force is kept when any joint locks.
+
+    Attributes
+    ----------
+    objective :
+        The largest force along that of the tool, or what is lost of it if there are no limits;
+        fault set i is a lock of joint i.
+    """
+
+    objective: Objective
+
+    @classmethod
+    def parse(cls, robot: Robot, locks: Locks | None, **asked: Any) -> ForceKept:
+        """Return the question whether a force is kept.
+
+        Parameters
+        ----------
+        robot, locks :
+            The arm, and joints that have locked before.
+        asked :
+            As of `Objective.parse`, with the force.
+        """
+        sets = AllFaultSets.of(robot.n, 1, FaultMode.LOCKED)
+        own = () if locks is None else locks.joints
+        if asked["limits"] is None and np.isfinite(robot.effort).any():
+            asked["limits"] = URDF
+        has_limits = Question.parse(robot, **asked).limits is not None
+        objective = Objective.parse(robot, "capability" if has_limits else "jump", sets, **asked)
+        return cls(
+            replace(objective, sets=tuple(FaultSet.locked({i, *own}) for i in range(robot.n)))
+        )
+
+    def __call__(self, q: Matrix, joint: NDArray[np.intp]) -> Mask:
+        """Return whether the force is kept in postures, with a joint locked in each, shape (k,).
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, shape (k, n).
+        joint :
+            The locked joints, shape (k,).
+        """
+        F = self.objective.question.F
+        assert F is not None
+        found = self.objective.measured(q)[np.arange(len(q)), joint]
+        if self.objective.name == "jump":
+            return np.asarray(found <= self.objective.question.rtol * norm(F))
+        return np.asarray(found >= norm(F) * (1.0 - _ROUNDING))
+
+
+def guarantee_of(
+    tool: ToolPath, q: Matrix, t: Vector, steps: Matrix, kept: ForceKept | None = None
 ) -> Guarantee:
     """Let every joint lock at every waypoint, and follow the rest of the path with the others.
 
@@ -85,32 +141,34 @@ def guarantee(
 
     Parameters
     ----------
-    robot :
-        The arm.
+    tool :
+        The path of the tip.
     q :
-        The path, rad or m, shape (k, n).
-    targets :
-        Targets of the tip at the k waypoints.
+        The path through the waypoints, rad or m, shape (k, n).
+    t :
+        Their times, s, shape (k,).
     steps :
         Largest motion of each joint from one waypoint to the next, rad or m, shape (k - 1, n).
-    keeps_force :
-        Whether the force is kept in postures, (N, n), with a joint locked, (N,); ``None`` if no
-        force is to be kept.
+    kept :
+        Whether the force is kept; ``None`` if there is none to keep.
     """
     k, n = q.shape
+    targets = tool.at(t)
     holds = np.ones((k, n), dtype=np.bool_)
     broken: list[Broken] = []
     # The arms that are on their way: where and which joint locked, and where they are.
-    start, joint = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
+    start, joint = np.zeros((2, 0), dtype=np.intp)
     at = np.zeros((0, n))
     for w in range(k):
-        at, failures = _followed(robot, at, joint, targets.one(w), steps[w - 1] if w else None)
+        failures: list[tuple[str, int] | None] = []
+        if w:
+            at, failures = _followed(tool, at, joint, targets.at(w), steps[w - 1])
         at = np.concatenate([at, np.repeat(q[w : w + 1], n, axis=0)])
         start = np.concatenate([start, np.full(n, w, dtype=np.intp)])
         joint = np.concatenate([joint, np.arange(n)])
         failures += [None] * n
-        if keeps_force is not None:
-            for i in np.flatnonzero(~keeps_force(at, joint)).tolist():
+        if kept is not None:
+            for i in np.flatnonzero(~kept(at, joint)).tolist():
                 failures[i] = failures[i] or ("force", -1)
         for i, failure in enumerate(failures):
             if failure is not None:
@@ -118,23 +176,17 @@ def guarantee(
                 broken.append(Broken(int(start[i]), int(joint[i]), w, *failure))
         left = np.array([failure is None for failure in failures])
         start, joint, at = start[left], joint[left], at[left]
-    return Guarantee(read_only(holds), tuple(sorted(broken)))
+    return Guarantee(read_only(t), read_only(holds), tuple(sorted(broken)))
 
 
 def _followed(
-    robot: Robot,
-    at: Matrix,
-    joint: NDArray[np.intp],
-    target: TipTargets,
-    step: Vector | None,
+    tool: ToolPath, at: Matrix, joint: NDArray[np.intp], target: TipTarget, step: Vector
 ) -> tuple[Matrix, list[tuple[str, int] | None]]:
     """Return where arms are after the next waypoint, and why those fail that do."""
-    if not len(at):
-        return at, []
-    assert step is not None
-    locked = np.zeros(at.shape, dtype=np.bool_)
+    robot = tool.robot
+    locked = np.broadcast_to(tool.locked, at.shape).copy()
     locked[np.arange(len(at)), joint] = True
-    found, reached = project(robot, at, target, locked=locked)
+    found, reached = project(robot, at, target, iterations=_ITERATIONS, locked=locked)
     moved = np.abs(found - at) / step
     failures: list[tuple[str, int] | None] = []
     for i, is_there in enumerate(reached.tolist()):

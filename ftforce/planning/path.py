@@ -1,13 +1,7 @@
-"""Joint paths along a tool path that keep the most after the worst fault at the worst instant.
-
-Every waypoint has a layer of postures that reach it. Dynamic programming chooses the best path
-through them (`ftforce.planning.lattice`), layers around that path are drawn more densely and
-searched again, and the result is smoothed along the self-motion, which leaves the tip where it is.
-"""
+"""Joint paths along a tool path that keep the most after the worst fault at the worst instant."""
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,13 +10,15 @@ import numpy as np
 
 from ftforce.analysis.question import AllFaultSets, AnsweredForAll, counted
 from ftforce.batch.postures.drawn import check_seed
-from ftforce.core.arrays import is_number, read_only
+from ftforce.core.arrays import read_only
 from ftforce.core.faults import FaultMode, FaultSet
 from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import InputError
-from ftforce.planning.lattice import Breaks, Layer, best_path, breaks_of
+from ftforce.planning.guarantee import ForceKept, Guarantee, guarantee_of
+from ftforce.planning.locks import Locks
 from ftforce.planning.objective import Objective
-from ftforce.planning.tool_path import ToolPath, placed, project, residual
+from ftforce.planning.search import TIP_TOLERANCE, Found, Rates, Search, Usual, spline_of
+from ftforce.planning.tool_path import ToolPath
 from ftforce.trajectory.fault_events import Phase
 from ftforce.trajectory.motion import advance
 from ftforce.trajectory.path import Path
@@ -39,24 +35,16 @@ if TYPE_CHECKING:
     from ftforce.analysis.friction import FrictionLike
     from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress, Question
-    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.task import Axes, Task
-    from ftforce.planning.tool_path import TipTargets
+    from ftforce.planning.lattice import Breaks
+    from ftforce.planning.locks import LocksLike
     from ftforce.robot.posture import Posture
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.start import Smooth, Start, Trajectory
 
 _HEALTHY = FaultSet()
-_RESERVES = (0.9, 0.7, 0.5)
-"""Shares of the velocity limits within which waypoints are joined, until the spline through them is
-within the limits."""
-_SAMPLES, _FRESH = 160, 16  # postures per layer, and how many of them are drawn anew
-_ROUNDS = ((40, 0.2), (40, 0.06), (30, 0.02))  # postures around the best path, rad or m apart
-_FARTHEST = (0.1, 0.25)  # m and rad, from one waypoint to the next
-_KEPT = 0.98  # of the objective, after smoothing
-_SMOOTHING = 60  # passes
-TIP_TOLERANCE = 1e-5  # m and rad: of the tip between the instants of a planned path
-_MOST_INSTANTS = 20_000
+_RESERVE = 0.9  # of the velocity limits: the spline through the waypoints is a little faster
 
 
 class Along(NamedTuple):
@@ -103,7 +91,16 @@ class PathPlan(AnsweredForAll):
         Where the velocity limits break every path at the speed that was asked for, and the factor
         by which ``t`` is slower.
     tip_error :
-        Largest distance, m, and angle, rad, of the tip from the tool path, between instants too.
+        Largest distance, m, and angle, rad, of the tip from the tool path where it is reached,
+        between instants too.
+    locks :
+        Joints that have locked before the path, or while the arm was on it.
+    reached :
+        Whether the tip of the planned path is on the tool path, shape (N,).
+    deviation :
+        How far it is from there, m and rad, shape (N, 2).
+    guarantee :
+        Whether the arm can finish whichever joint locks, if that was asked.
     warnings, notes :
         Warnings about the result, and what was chosen.
     """
@@ -119,6 +116,10 @@ class PathPlan(AnsweredForAll):
     waypoints: int
     breaks: Breaks
     tip_error: float
+    locks: Locks | None
+    reached: Mask
+    deviation: Matrix
+    guarantee: Guarantee | None = None
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -145,7 +146,7 @@ class PathPlan(AnsweredForAll):
 
     def motion(self) -> Motion:
         """Return positions, velocities and accelerations of the planned path, (N, n) each."""
-        spline = _spline(self.t, self.after.q)
+        spline = spline_of(self.t, self.after.q)
         return Motion(self.after.q, spline(self.t, 1), spline(self.t, 2))
 
     def recording(self) -> Recording:
@@ -177,6 +178,8 @@ def plan(
     waypoints: int = 100,
     max_acceleration: float | ArrayLike | None = None,
     keep_start: bool = False,
+    locked: LocksLike = None,
+    guarantee: bool = False,
     rate: float | None = None,
     max_gap: float | None = None,
     topic: str | None = None,
@@ -217,6 +220,14 @@ def plan(
         Largest joint accelerations, rad/s² or m/s², one number or shape (n,).
     keep_start :
         Whether the path starts in the posture of the usual one.
+    locked :
+        Joints that have locked, by number (from 1) or name, and where, rad or m: ``"3@0.7"`` or
+        ``{3: 0.7}``; or when, to plan the rest of the path from the usual one: ``"3@2s"``. They
+        count among ``faults``. The tip is where the arm comes closest while it cannot reach its
+        path.
+    guarantee :
+        Whether to prefer a path on which the arm can finish whichever joint locks at whichever
+        waypoint, and to say where it can. With a ``force``, that is kept within the limits.
     seed :
         Seed of the postures that are tried.
     progress :
@@ -241,15 +252,22 @@ def plan(
     True
     """
     all_sets = AllFaultSets.parse(robot, faults, mode)
-    objective = Objective.parse(
-        robot, maximize, all_sets, force=force, direction=direction, gravity=gravity,
-        payload=payload, limits=limits, friction=friction, task=task, length=length,
-        joint_length=joint_length, axes=axes, rtol=rtol, wary=wary,
-    )  # fmt: skip
+    asked: dict[str, Any] = {
+        "force": force, "gravity": gravity, "payload": payload, "limits": limits,
+        "friction": friction, "task": task, "length": length, "joint_length": joint_length,
+        "axes": axes, "rtol": rtol, "wary": wary,
+    }  # fmt: skip
+    objective = Objective.parse(robot, maximize, all_sets, direction=direction, **asked)
+    locks = Locks.parse(robot, locked)
+    if locks is not None:
+        objective = replace(objective, sets=_sets_after(locks, all_sets))
+    F = objective.question.F
+    has_force = F is not None and bool(F.any())
+    kept = ForceKept.parse(robot, locks, **asked) if guarantee and has_force else None
     count = _checked_count(waypoints)
     check_seed(seed)
-    rates = _Rates.of(robot, max_acceleration)
-    tick = counted(progress, count)
+    rates = Rates.of(robot, max_acceleration)
+    tick = counted(progress, count * (1 + bool(guarantee)))
     follow = partial(
         start_of, robot, q=q, posture=posture, rate=rate, speed=speed, max_gap=max_gap,
         topic=topic, smooth=smooth, problem=objective.question.problem_in,
@@ -262,38 +280,112 @@ def plan(
             start = follow(trajectory, keep_orientation=True)
     keeps = keep_orientation or start.reference.orientation is not None
     usual = _usual(objective.question, start)
-    tool = ToolPath(robot, start.reference, keeps)
-    search = partial(
-        _searched,
-        objective,
-        tool,
-        rates=rates,
-        instants=start.times,
-        usual=usual,
-        keep_start=keep_start,
-        seed=seed,
-    )
-    found = search(count, tick=tick)
-    if not found.holds_between:  # once more, with more waypoints
-        found = max(found, search(2 * count, tick=_silent), key=lambda one: one.worst)
-    before = _at(found.t, start.times, usual)
-    if found.worst < objective.values(before).min() and _is_allowed(robot, rates, found.t, before):
-        found = found._replace(q=before, slow_down=1.0)
+    tool = ToolPath(robot, start.reference, keeps, np.zeros(robot.n, dtype=np.bool_))
+    search = Search(objective, tool, rates, usual, keep_start, seed)
+    if locks is not None:
+        search, locks = _damaged(search, locks, count)
+    found = _best(search, count, tick)
+    certificate = None
+    if guarantee:
+        guarded = search.best(count, tick, is_guarded=True)
+        found, certificate = _safest(search, (found, guarded), kept)
+    usual, first = search.usual, search.usual.t[0]
     return PathPlan(
         objective=objective,
         all_sets=all_sets,
         course=start.words,
         start=start.source,
         keeps_orientation=keeps,
-        t=read_only(found.t * found.slow_down),
-        before=_along(objective, before),
+        t=read_only(first + (found.t - first) * found.slow_down),
+        before=_along(objective, usual.at(found.t)),
         after=_along(objective, found.q),
         waypoints=found.waypoints,
         breaks=found.breaks._replace(slow_down=found.slow_down),
         tip_error=found.error,
+        locks=locks,
+        reached=read_only(found.reached),
+        deviation=read_only(search.tool.deviation(found.q, found.t)),
+        guarantee=certificate,
         warnings=start.warnings,
         notes=start.notes,
     )
+
+
+def _sets_after(locks: Locks, all_sets: AllFaultSets) -> tuple[FaultSet, ...]:
+    """Return the sets of the joints that have locked, and of others that may fail too.
+
+    Raises
+    ------
+    InputError
+        More joints have locked than may fail.
+    """
+    if len(locks.joints) > all_sets.largest:
+        raise InputError(
+            f"{len(locks.joints)} joints have locked, which count among the faults: ask for sets "
+            f"of at least {len(locks.joints)} (faults), not {all_sets.largest}"
+        )
+    return locks.with_others(all_sets, all_sets.largest)
+
+
+def _damaged(search: Search, locks: Locks, count: int) -> tuple[Search, Locks]:
+    """Return the search for the path of the arm after the locks, and where its joints locked.
+
+    Of the paths with the least motion from some postures at the start, the usual one is then that
+    which is on the tool path longest.
+
+    Raises
+    ------
+    InputError
+        The joints lock after the path.
+    """
+    end = float(search.usual.t[-1])
+    if locks.time >= end:
+        raise InputError(
+            f"the joints lock at {locks.time:g} s, when the path of {end:.4g} s is done"
+        )
+    (q,) = search.usual.at(np.array([locks.time]))
+    locks = locks.where(q)
+    tool = replace(search.tool, locked=locks.mask)
+    times = np.linspace(locks.time, end, count)
+    starts = locks.applied(q)[None]
+    keep_start = search.keep_start or locks.time > 0.0
+    if not keep_start:
+        starts = np.concatenate([starts, tool.starts(starts[0], times[0], search.seed)])
+    paths, reached = tool.followed(starts, times, _RESERVE * search.rates.velocity)
+    off = [float(tool.deviation(path, times).max()) for path in paths.transpose(1, 0, 2)]
+    best = min(range(len(starts)), key=lambda i: (-int(reached[:, i].sum()), off[i]))
+    usual = Usual(times, paths[:, best])
+    return search._replace(tool=tool, usual=usual, keep_start=keep_start), locks
+
+
+def _best(search: Search, count: int, tick: Callable[[int], None]) -> Found:
+    """Return the best path that is found, or the usual one if that is better."""
+    found = search.best(count, tick)
+    if not (found.holds_between or search.tool.locked.any()):  # once more, with more waypoints
+        found = max(found, search.best(2 * count, _silent), key=lambda one: one.worst)
+    robot, rates, usual = search.tool.robot, search.rates, search.usual.at(found.t)
+    is_usual_better = found.worst < search.objective.values(usual).min()
+    if is_usual_better and found.reached.all() and _is_allowed(robot, rates, found.t, usual):
+        off = float(search.tool.deviation(usual, found.t).max())
+        if off <= TIP_TOLERANCE:
+            return found._replace(q=usual, slow_down=1.0, error=off)
+    return found
+
+
+def _safest(
+    search: Search, paths: Sequence[Found], kept: ForceKept | None
+) -> tuple[Found, Guarantee]:
+    """Return the path on which most locks at waypoints are survived, and its certificates."""
+
+    def certified(found: Found) -> Guarantee:
+        t, q = found.t[found.at_waypoints], found.q[found.at_waypoints]
+        slowed = usual_start + (t - usual_start) * found.slow_down
+        steps = np.diff(slowed)[:, None] * search.rates.velocity
+        return guarantee_of(search.tool, q, t, steps, kept)
+
+    usual_start = search.usual.t[0]
+    pairs = [(found, certified(found)) for found in paths]
+    return max(pairs, key=lambda pair: (pair[1].share, pair[0].worst))
 
 
 def _checked_count(waypoints: object) -> int:
@@ -303,79 +395,21 @@ def _checked_count(waypoints: object) -> int:
     return int(waypoints)  # type: ignore[call-overload, no-any-return] # an integer
 
 
-def _usual(question: Question, start: Start) -> Matrix:
-    """Return the path that resolved-rate control takes, or the recorded one, shape (N, n)."""
+def _usual(question: Question, start: Start) -> Usual:
+    """Return the path that resolved-rate control takes, or the recorded one."""
     phase = Phase(0.0, _HEALTHY, _HEALTHY)
     motion = advance(
         question.robot, start.reference, start.q, start.times, (phase,), scale=question.scale,
         tick=_silent,
     ).motion  # fmt: skip
-    return motion.q
+    return Usual(start.times, motion.q)
 
 
 def _silent(_: int) -> None:
     """Report no progress."""
 
 
-class _Found(NamedTuple):
-    """A path that was found.
-
-    Attributes
-    ----------
-    t, q :
-        Times, s, before any slow-down, and joint positions, shapes (N,) and (N, n).
-    worst :
-        The objective at its worst instant.
-    holds_between :
-        Whether it is hardly smaller between the waypoints than at them.
-    breaks, slow_down :
-        Where velocity limits break every path, and the factor on the times.
-    error :
-        Largest distance, m, and angle, rad, from the tool path.
-    waypoints :
-        Their number.
-    """
-
-    t: Vector
-    q: Matrix
-    worst: float
-    holds_between: bool
-    breaks: Breaks
-    slow_down: float
-    error: float
-    waypoints: int
-
-
-def _searched(
-    objective: Objective,
-    tool: ToolPath,
-    count: int,
-    *,
-    rates: _Rates,
-    instants: Vector,
-    usual: Matrix,
-    keep_start: bool,
-    seed: int,
-    tick: Callable[[int], None],
-) -> _Found:
-    """Return the best path through a number of waypoints."""
-    times = np.linspace(0.0, float(instants[-1]), count)
-    search = _Search(
-        objective, tool, rates, times, _at(times, instants, usual), keep_start=keep_start,
-        rng=np.random.default_rng(seed), tick=tick,
-    )  # fmt: skip
-    for reserve in _RESERVES:
-        q, worst, breaks = search.path(reserve)
-        t, dense, error = _dense(tool, times, q)
-        slow_down = max(breaks.slow_down, rates.slow_down(t, dense), 1.0)
-        if slow_down == 1.0 or breaks.waypoints:
-            break
-    between = float(objective.values(dense).min())
-    holds = between >= worst - (1.0 - _KEPT) * abs(worst)
-    return _Found(t, dense, between, holds, breaks, slow_down, error, count)
-
-
-def _is_allowed(robot: Robot, rates: _Rates, t: Vector, q: Matrix) -> bool:
+def _is_allowed(robot: Robot, rates: Rates, t: Vector, q: Matrix) -> bool:
     """Return whether a path is within the limits of positions, velocities and accelerations."""
     is_inside = ((q >= robot.lower) & (q <= robot.upper)).all()
     return bool(is_inside) and rates.slow_down(t, q) <= 1.0
@@ -385,245 +419,3 @@ def _along(objective: Objective, q: Matrix) -> Along:
     value = objective.values(q)
     value = -value if objective.measure.is_cost else value
     return Along(read_only(q), read_only(value), objective.worst_sets(q))
-
-
-def _at(t: Vector, times: Vector, q: Matrix) -> Matrix:
-    """Return joint positions at other times, shape (k, n)."""
-    return np.column_stack([np.interp(t, times, x) for x in q.T])
-
-
-class _Rates(NamedTuple):
-    """Largest joint velocities and accelerations, infinite where unknown, shape (n,)."""
-
-    velocity: Vector
-    acceleration: Vector
-
-    @classmethod
-    def of(cls, robot: Robot, acceleration: object) -> _Rates:
-        """Return the limits of an arm, with accelerations as given.
-
-        Raises
-        ------
-        InputError
-            The accelerations are not positive numbers, one or one per joint.
-        """
-        velocity = np.array([joint.velocity or np.inf for joint in robot.joints])
-        if acceleration is None:
-            return cls(velocity, np.full(robot.n, np.inf))
-        given = acceleration
-        if is_number(given):
-            given = np.full(robot.n, float(given))  # type: ignore[arg-type] # a number
-        most = robot.vector(given, "max_acceleration")  # type: ignore[arg-type] # which is checked
-        if not (most > 0.0).all():
-            raise InputError(f"accelerations must be positive, got {most.tolist()}")
-        return cls(velocity, most)
-
-    def slow_down(self, t: Vector, q: Matrix) -> float:
-        """Return the factor on all times by which a motion keeps the limits, 1 if it does."""
-        spline = _spline(t, q)
-        fine = _with_middles(t)
-        velocity = np.abs(spline(fine, 1)).max(axis=0) / self.velocity
-        acceleration = np.abs(spline(fine, 2)).max(axis=0) / self.acceleration
-        factor = max(float(velocity.max()), float(np.sqrt(acceleration.max())), 1.0)
-        return factor if factor > 1.0 + 1e-9 else 1.0
-
-
-class _Search:
-    """The search for the best path.
-
-    Parameters
-    ----------
-    objective, tool, rates :
-        What is maximised, the path of the tip, and the limits of velocities.
-    times :
-        Times of the waypoints, s, shape (k,).
-    usual :
-        The usual path, which is among those compared, shape (k, n).
-    keep_start :
-        Whether the path starts as the usual one.
-    rng :
-        Draws the postures that are tried.
-    tick :
-        Called for each step.
-
-    Raises
-    ------
-    InputError
-        A waypoint cannot be reached.
-    """
-
-    def __init__(
-        self,
-        objective: Objective,
-        tool: ToolPath,
-        rates: _Rates,
-        times: Vector,
-        usual: Matrix,
-        *,
-        keep_start: bool,
-        rng: np.random.Generator,
-        tick: Callable[[int], None],
-    ) -> None:
-        self.objective, self.tool, self.robot = objective, tool, tool.robot
-        self.targets = tool.at(times)
-        self.steps = np.diff(times)[:, None] * rates.velocity
-        self.wraps = np.isinf(self.robot.upper) & np.isinf(self.robot.lower)
-        self.keep_start, self.rng, self.tick = keep_start, rng, tick
-        self.layers = self._valued(self._drawn(usual))
-
-    def path(self, reserve: float) -> tuple[Matrix, float, Breaks]:
-        """Return the best joint path, shape (k, n), and where velocity limits break every path.
-
-        Between the two stands the objective at the worst waypoint. Steps that are so long that the
-        objective may be much less between two waypoints are taken only where there are no others.
-
-        Parameters
-        ----------
-        reserve :
-            Share of the velocity limits that may be used.
-        """
-        breaks = Breaks((), 1.0)
-        slides = np.array([unit == "m" for unit in self.robot.units])
-        steps = np.minimum(reserve * self.steps, np.where(slides, *_FARTHEST))
-        best = best_path(self.layers, steps, self.wraps)
-        if best is None:
-            steps = reserve * self.steps
-            best = best_path(self.layers, steps, self.wraps)
-        if best is None:
-            breaks = breaks_of(self.layers, self.steps, self.wraps)
-            steps = self.steps * (max(breaks.slow_down, 1.0) * (1.0 + 1e-9))
-            best = best_path(self.layers, steps, self.wraps)
-            assert best is not None
-        q = self._taken(self.layers, best.chosen)
-        for count, spread in _ROUNDS:
-            layers = self._valued(self._near(q, count, spread))
-            best = best_path(layers, steps, self.wraps)
-            assert best is not None  # the path before is among them
-            q = self._taken(layers, best.chosen)
-        q = self._smoothed(q, steps, best.worst)
-        return q, float(self.objective.values(q).min()), breaks
-
-    def _valued(self, postures: Sequence[Matrix]) -> list[Layer]:
-        """Return layers of postures with the objective."""
-        values = self.objective.values(np.concatenate(postures))
-        ends = np.cumsum([len(q) for q in postures])[:-1]
-        return list(map(Layer, postures, np.split(values, ends)))
-
-    def _taken(self, layers: Sequence[Layer], chosen: NDArray[np.intp]) -> Matrix:
-        """Return the chosen postures, without jumps of endless joints by a turn, shape (k, n)."""
-        q = np.array([layer.q[i] for layer, i in zip(layers, chosen, strict=True)])
-        return np.where(self.wraps, np.unwrap(q, axis=0), q)
-
-    def _drawn(self, usual: Matrix) -> list[Matrix]:
-        """Return postures that reach each waypoint: those of the one before, moved on, and new."""
-        lower, upper = self.robot.ranges
-        found: list[Matrix] = []
-        for k, own in enumerate(usual):
-            count = _FRESH if found else 2 * _SAMPLES
-            new = lower + self.rng.random((count, self.robot.n)) * (upper - lower)
-            seeds = np.concatenate([own[None], *found[-1:], new])
-            target = self.targets.one(k)
-            if k == 0 and self.keep_start:
-                seeds = seeds[:1]
-            q, reached = project(self.robot, seeds, target)
-            if not reached.any():
-                raise self._unreached(k, len(usual), target, q)
-            q = q[reached]
-            if len(q) > _SAMPLES:
-                kept = self.rng.permutation(np.arange(reached[0], len(q)))[: _SAMPLES - 1]
-                q = q[np.concatenate([[0], np.sort(kept)])]
-            found.append(q)
-            self.tick(1)
-        return found
-
-    def _near(self, q: Matrix, count: int, spread: float) -> list[Matrix]:
-        """Return layers of postures around a path, and the path itself."""
-        k, n = q.shape
-        # Half of them are moved alike along the path: neighbours stay within reach in time.
-        shared = self.rng.normal(0.0, spread, (count // 2, 1, n))
-        own = self.rng.normal(0.0, spread, (count - count // 2, k, n))
-        seeds = np.concatenate([q + shared, q + own]).transpose(1, 0, 2)  # (k, count, n)
-        which = np.repeat(np.arange(k), count)
-        found, reached = project(self.robot, seeds.reshape(-1, n), self.targets.at(which))
-        layers = []
-        for i, own_q in enumerate(q):
-            rows = np.flatnonzero((which == i) & reached)
-            others = found[rows[:0] if self.keep_start and i == 0 else rows]
-            layers.append(np.concatenate([own_q[None], others]))
-        return layers
-
-    def _unreached(self, k: int, count: int, target: TipTargets, q: Matrix) -> InputError:
-        """Return the error for a waypoint that no posture reaches."""
-        missing = residual(target, placed(self.robot, q))
-        nearest = int(np.linalg.norm(missing[:, :3], axis=1).argmin())
-        far = float(np.linalg.norm(missing[nearest, :3]))
-        place = ", ".join(f"{x:.4g}" for x in np.reshape(target.position, -1).tolist())
-        pose = " with its orientation" if self.tool.keeps_orientation else ""
-        return InputError(
-            f"the tip cannot reach waypoint {k + 1} of {count}, ({place}) m in root axes{pose}, "
-            f"within the joint limits: the closest position found is {far:.3g} m away"
-        )
-
-    def _smoothed(self, q: Matrix, steps: Matrix, worst: float) -> Matrix:
-        """Return a smoother path, with the tip where it is and no less of the objective.
-
-        Every waypoint moves towards the middle of its neighbours along the self-motion.
-        """
-        least = worst - (1.0 - _KEPT) * abs(worst)
-        first = int(self.keep_start)
-        for _ in range(_SMOOTHING):
-            wanted = q.copy()
-            wanted[1:-1] = 0.5 * q[1:-1] + 0.25 * (q[:-2] + q[2:])
-            wanted[0], wanted[-1] = 0.5 * (q[0] + q[1]), 0.5 * (q[-1] + q[-2])
-            moved, reached = project(self.robot, wanted, self.targets)
-            fits = reached & (self.objective.values(moved) >= least)
-            fits[:first] = False
-            trial = np.where(fits[:, None], moved, q)
-            if _is_within(trial, steps) or not _is_within(q, steps):
-                q = trial
-            else:
-                break
-        return q
-
-
-def _is_within(q: Matrix, steps: Matrix) -> bool:
-    """Return whether a path is within the largest steps."""
-    return bool((np.abs(np.diff(q, axis=0)) <= steps * (1.0 + 1e-9)).all())
-
-
-def _spline(t: Vector, q: Matrix) -> Any:
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(t, q)
-
-
-def _with_middles(t: Vector) -> Vector:
-    """Return times and the middles between them."""
-    return np.sort(np.concatenate([t, 0.5 * (t[1:] + t[:-1])]))
-
-
-def _dense(tool: ToolPath, times: Vector, q: Matrix) -> tuple[Vector, Matrix, float]:
-    """Return a path at so many instants that a spline through them keeps the tip on its path.
-
-    Returns
-    -------
-    t, q :
-        Times, s, shape (N,), and joint positions, shape (N, n).
-    error :
-        Largest distance, m, or angle, rad, from the path, between the instants too.
-    """
-    for parts in (2**i for i in itertools.count(1)):
-        spline = _spline(times, q)
-        t = np.linspace(times[0], times[-1], (len(times) - 1) * parts + 1)
-        found, reached = project(tool.robot, spline(t), tool.at(t))
-        if not reached.all():
-            raise InputError(
-                f"the tip cannot stay on its path at {t[np.argmin(reached)]:.4g} s, between "
-                "waypoints that it reaches; ask for more waypoints"
-            )
-        middle = 0.5 * (t[1:] + t[:-1])
-        off = residual(tool.at(middle), placed(tool.robot, _spline(t, found)(middle)))
-        error = float(np.abs(off).max())
-        if error <= TIP_TOLERANCE or len(t) > _MOST_INSTANTS:
-            return t, found, error
-    raise AssertionError

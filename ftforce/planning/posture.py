@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ftforce.analysis.warnings import implausible
 from ftforce.core import measures
 from ftforce.core.arrays import as_vector, read_only
 from ftforce.core.faults import FaultMode
+from ftforce.core.reduced_jacobian import BORDERLINE_RTOL, RTOL
 from ftforce.errors import InputError, listed
 from ftforce.planning.objective import Objective
 from ftforce.planning.projection import project
@@ -22,11 +23,17 @@ from ftforce.robot.posture import Posture, choose_posture
 from ftforce.robot.robot import require_robot
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import ArrayLike
 
+    from ftforce.analysis.conditions import PayloadLike
+    from ftforce.analysis.friction import FrictionLike
+    from ftforce.analysis.limits_files import LimitsLike
     from ftforce.analysis.question import Progress, Question
-    from ftforce.core.arrays import Matrix, Vector
+    from ftforce.core.arrays import Mask, Matrix, Vector
     from ftforce.core.faults import FaultSet
+    from ftforce.core.task import Axes, Task
     from ftforce.planning.self_motion import SelfMotion
     from ftforce.robot.robot import Robot
 
@@ -127,12 +134,23 @@ def best_posture(
     faults: int = 1,
     mode: FaultMode | str = FaultMode.LOCKED,
     maximize: str = "margin",
+    force: ArrayLike | None = None,
+    direction: ArrayLike | None = None,
+    gravity: ArrayLike | None = None,
+    payload: PayloadLike = None,
+    limits: LimitsLike = None,
+    friction: FrictionLike = None,
+    task: str | Iterable[str] | Task = "force",
+    length: float | None = None,
+    joint_length: float | None = None,
+    axes: Axes = "tool",
     restarts: int = 128,
     step: float = 0.05,
     resolution: float | None = None,
     seed: int = 0,
+    rtol: float = RTOL,
+    wary: float = BORDERLINE_RTOL,
     progress: Progress | None = None,
-    **asked: Any,
 ) -> BestPosture:
     """Return the posture that keeps the most after the worst fault, with the tip at one place.
 
@@ -159,13 +177,19 @@ def best_posture(
         Size of the largest fault sets, ``locked`` or ``free``.
     maximize :
         ``margin``, ``rho``, ``capability``, ``payload``, or ``jump``, which is minimised.
+    force :
+        Force the tool exerts on its environment, N and N·m, in task axes, shape (m,): that of the
+        jump, or along which the capability is.
+    direction :
+        Direction of the capability, in task axes, shape (m,); by default that of the force.
+    limits :
+        As in `ftforce.analyze`; for capability and payload by default those of the URDF.
+    gravity, payload, friction, task, length, joint_length, axes, rtol, wary :
+        As in `ftforce.analyze`.
     restarts, step, resolution, seed :
         As in `ftforce.planning.self_motion.self_motion`.
     progress :
         Called with the number of steps completed and their total.
-    **asked :
-        Force, direction, gravity, payload, limits, friction, task, length, joint_length, axes, rtol
-        and wary, as in `ftforce.analyze`.
 
     Raises
     ------
@@ -185,7 +209,11 @@ def best_posture(
     """
     require_robot(robot)
     all_sets = AllFaultSets.parse(robot, faults, mode)
-    objective = Objective.parse(robot, maximize, all_sets, **asked)
+    objective = Objective.parse(
+        robot, maximize, all_sets, force=force, direction=direction, gravity=gravity,
+        payload=payload, limits=limits, friction=friction, task=task, length=length,
+        joint_length=joint_length, axes=axes, rtol=rtol, wary=wary,
+    )  # fmt: skip
     target, model = _target(robot, at, rpy, like)
     if model is not None and q is None and posture is None:
         given = model
@@ -302,12 +330,8 @@ def _climbed(objective: Objective, motion: SelfMotion, q: Matrix) -> Matrix:
     radius = np.full(len(q), motion.step)
     rows = np.arange(len(q))
     for _ in range(_ROUNDS):
-        tried = _around(motion, q, radius, rng)
+        tried, reached = _around(motion, q, radius, rng)
         found = objective.values(tried.reshape(-1, q.shape[1])).reshape(tried.shape[:2])
-        on = np.abs(
-            residual(objective.question.robot, tried.reshape(-1, q.shape[1]), motion.target)
-        )
-        reached = (on.max(axis=1) <= REACHED).reshape(found.shape)
         found = np.where(reached, found, -np.inf)
         top = found.argmax(axis=1)
         better = found[rows, top] > value
@@ -321,8 +345,10 @@ def _climbed(objective: Objective, motion: SelfMotion, q: Matrix) -> Matrix:
     return climbed
 
 
-def _around(motion: SelfMotion, q: Matrix, radius: Vector, rng: np.random.Generator) -> Matrix:
-    """Return postures around some, on the self-motion, shape (k, tries, n)."""
+def _around(
+    motion: SelfMotion, q: Matrix, radius: Vector, rng: np.random.Generator
+) -> tuple[Matrix, Mask]:
+    """Return postures around some, shape (k, tries, n), and whether they are on the self-motion."""
     basis = motion.manifold.null_spaces(q)
     d = basis.shape[1]
     directions = np.array([[1.0], [-1.0], [0.5], [-0.5]])
@@ -333,8 +359,8 @@ def _around(motion: SelfMotion, q: Matrix, radius: Vector, rng: np.random.Genera
     tried = q[:, None] + radius[:, None, None] * (directions @ basis)
     flat, manifold = tried.reshape(-1, q.shape[1]), motion.manifold
     limits = np.array([manifold.lower, manifold.upper])
-    onto = project(manifold.robot, flat, motion.target, iterations=12, limits=limits)
-    return onto.reshape(tried.shape)
+    onto, reached = project(manifold.robot, flat, motion.target, iterations=12, limits=limits)
+    return onto.reshape(tried.shape), reached.reshape(tried.shape[:2])
 
 
 # ---- what it is compared with, and what is said ------------------------------------------------
@@ -346,9 +372,9 @@ def _before(motion: SelfMotion, given: Posture) -> tuple[Posture, list[str]]:
     robot = manifold.robot
     if np.abs(residual(robot, given.q[None], target)).max() <= REACHED:
         return given, []
-    q = project(robot, given.q[None], target)[0]
+    (q,), (is_reached,) = project(robot, given.q[None], target)
     how = "reached from it by the least joint motion"
-    if np.abs(residual(robot, q[None], target)).max() > REACHED:
+    if not is_reached:
         apart = manifold.between(motion.q, given.q, manifold.endless)
         q, how = motion.q[int(np.linalg.norm(apart, axis=1).argmin())].copy(), "closest to it"
     note = (

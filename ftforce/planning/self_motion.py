@@ -12,7 +12,7 @@ from ftforce.analysis.question import check_progress
 from ftforce.core.arrays import as_vector, is_number, read_only
 from ftforce.errors import InputError
 from ftforce.planning.cover import MOST, cover
-from ftforce.planning.projection import project
+from ftforce.planning.projection import closest, project
 from ftforce.planning.target import (
     TipTarget,
     checked_limits,
@@ -222,8 +222,8 @@ def _found(
     robot: Robot, target: TipTarget, tried: Matrix, limits: tuple[Vector, Vector]
 ) -> tuple[Matrix, Matrix]:
     """Return where searches from some postures end, and those that reach the target."""
-    q = project(robot, tried, target, limits=np.array(limits))
-    return q, q[np.abs(residual(robot, q, target)).max(axis=1) <= REACHED]
+    q, reached = project(robot, tried, target, limits=np.array(limits))
+    return q, q[reached]
 
 
 def _restarts(robot: Robot, lower: Vector, upper: Vector, count: int, seed: int) -> Matrix:
@@ -314,29 +314,9 @@ def _unreachable(
     robot: Robot, target: TipTarget, q: Matrix, limits: tuple[Vector, Vector]
 ) -> InputError:
     """Return the error for a target that no posture reaches, with the closest one found."""
-    from scipy.optimize import least_squares
-
-    from ftforce.planning.target import residual_and_jacobian
-
-    lower, upper = limits
-    fixed = np.where(lower == upper, 1e-9, 0.0)  # the solver rejects equal bounds
     order = np.argsort(np.linalg.norm(residual(robot, q, target), axis=1))[:4]
-    closest = min(
-        (
-            least_squares(
-                lambda x: residual_and_jacobian(robot, x, target)[0],
-                np.clip(one, lower - 0.5 * fixed, upper + 0.5 * fixed),
-                jac=lambda x: residual_and_jacobian(robot, x, target)[1],
-                bounds=(lower - fixed, upper + fixed),
-                xtol=1e-12,
-                max_nfev=200,
-            ).x
-            for one in q[order]
-        ),
-        key=lambda x: float(np.linalg.norm(residual(robot, x, target))),
-    )
     missed = np.zeros(6)
-    missed[list(target.rows)] = residual(robot, closest, target)
+    missed[list(target.rows)] = residual(robot, closest(robot, q[order], target, *limits), target)
     away = f"{np.linalg.norm(missed[:3]):.3g} m"
     if target.rotation is not None:
         away += f" and {np.rad2deg(np.linalg.norm(missed[3:])):.3g}°"

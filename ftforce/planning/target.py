@@ -33,22 +33,22 @@ _mechanisms: WeakKeyDictionary[Robot, Mechanism] = WeakKeyDictionary()  # cached
 
 @dataclass(frozen=True, eq=False)
 class TipTarget:
-    """What of the tip is kept.
+    """What of the tip is kept, in all postures or in each of N.
 
     Attributes
     ----------
     position :
-        Position of the tip in root axes, m, shape (3,).
+        Position of the tip in root axes, m, shape (3,) or (N, 3).
     rotation :
-        Rotation matrix of the tip in root axes, shape (3, 3); ``None`` if it may turn.
+        Rotation matrix of the tip in root axes, shape (3, 3) or (N, 3, 3); ``None`` if it may turn.
     rows :
         Rows of the tip twist in root axes that are kept, linear first, e.g. (0, 1, 2) for a point
         and all six for a pose. An angular row is a component of the rotation vector from the
         target to the tip.
     """
 
-    position: Vector
-    rotation: Matrix | None
+    position: Vector | Matrix
+    rotation: Matrix | Stack | None
     rows: tuple[int, ...]
 
     @classmethod
@@ -107,6 +107,34 @@ class TipTarget:
         """
         R, p = tip_pose(robot, q)
         return cls.of(p, R, rows)
+
+    @classmethod
+    def of_each(cls, position: Matrix, rotation: Matrix | Stack | None) -> TipTarget:
+        """Return the targets of N postures: points, or poses if rotations are given.
+
+        Parameters
+        ----------
+        position :
+            m, shape (N, 3).
+        rotation :
+            Rotation matrices, one for all, shape (3, 3), or one for each, (N, 3, 3).
+        """
+        return cls(position, rotation, POINT if rotation is None else POSE)
+
+    def at(self, chosen: int | NDArray[np.intp]) -> TipTarget:
+        """Return the target of one posture, or those of some.
+
+        Parameters
+        ----------
+        chosen :
+            Index of the posture, or indices, shape (k,).
+        """
+        p, R = self.position, self.rotation
+        return TipTarget(
+            p if p.ndim == 1 else p[chosen],
+            R if R is None or R.ndim == 2 else R[chosen],
+            self.rows,
+        )
 
     @property
     def keeps_orientation(self) -> bool:
@@ -206,7 +234,8 @@ def residuals_and_jacobians(robot: Robot, q: Matrix, target: TipTarget) -> tuple
         from scipy.spatial.transform import Rotation
 
         if len(q):
-            error[:, 3:] = Rotation.from_matrix(R @ target.rotation.T).as_rotvec()
+            turn = R @ target.rotation.swapaxes(-1, -2)
+            error[:, 3:] = Rotation.from_matrix(turn).as_rotvec()
         J = np.concatenate([J[:, :3], _log_derivative(error[:, 3:]) @ J[:, 3:]], axis=1)
     rows = list(target.rows)
     return error[:, rows], J[:, rows]

@@ -1,14 +1,15 @@
-"""The path of a tool, and postures that reach points of it."""
+"""The path of a tool, and the joints that carry it along."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ftforce.batch.numpy_path import tip_kinematics
-from ftforce.planning.target import mechanism
+from ftforce.planning.projection import closest, project
+from ftforce.planning.target import TipTarget, residual
+from ftforce.robot.kinematics import tip_pose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,68 +18,18 @@ if TYPE_CHECKING:
     from ftforce.robot.robot import Robot
     from ftforce.trajectory.reference import ReferenceTrajectory
 
-REACHED = 1e-10  # m and rad
-POINT, POSE = (0, 1, 2), (0, 1, 2, 3, 4, 5)
+    Stack = NDArray[np.float64]
+
 _ITERATIONS = 12  # of Newton's method; successful searches need about five
-_LARGEST_STEP = 0.3  # rad or m, of any joint
-_DAMPING = 1e-9  # relative to σ_max², for postures close to a singularity
+_DAMPED_ITERATIONS = 60  # likewise, to where the target is closest
+_DRAWN, _FOLLOWED = 300, 16  # postures to start from, and how many of the different ones are taken
+_APART = 0.1  # rad or m
+_LEAP = 0.2  # rad or m: farther from one waypoint to the next, another posture reaches it
+_STARTS = 4  # of the search for the closest posture from anywhere
 
 
 @dataclass(frozen=True, eq=False)
-class TipTargets:
-    """Positions and rotations of the tip in root axes, or one of each.
-
-    Attributes
-    ----------
-    position :
-        m, shape (3,) or (k, 3).
-    rotation :
-        Rotation matrices, shape (3, 3) or (k, 3, 3); ``None`` if the orientation is free.
-    rows :
-        Which components are kept: of the position (0, 1, 2) and of the rotation (3, 4, 5), along
-        and about the root axes.
-    """
-
-    position: Matrix
-    rotation: NDArray[np.float64] | None = None
-    rows: tuple[int, ...] = POINT
-
-    @classmethod
-    def of(cls, position: Matrix, rotation: NDArray[np.float64] | None = None) -> TipTargets:
-        """Return a target that keeps all that is given: points, or whole poses.
-
-        Parameters
-        ----------
-        position, rotation :
-            As of the class.
-        """
-        return cls(position, rotation, POINT if rotation is None else POSE)
-
-    def at(self, chosen: NDArray[np.intp] | slice) -> TipTargets:
-        """Return some of several targets.
-
-        Parameters
-        ----------
-        chosen :
-            Indices of them.
-        """
-        R = self.rotation
-        position = self.position if self.position.ndim == 1 else self.position[chosen]
-        return TipTargets(position, R if R is None or R.ndim == 2 else R[chosen], self.rows)
-
-    def one(self, k: int) -> TipTargets:
-        """Return one of several targets, for any number of postures.
-
-        Parameters
-        ----------
-        k :
-            Its index.
-        """
-        R = self.rotation
-        return TipTargets(self.position[k], R if R is None or R.ndim == 2 else R[k], self.rows)
-
-
-class ToolPath(NamedTuple):
+class ToolPath:
     """The path of the tip, with or without its orientation.
 
     Attributes
@@ -89,13 +40,16 @@ class ToolPath(NamedTuple):
         The trajectory whose tip path it is.
     keeps_orientation :
         Whether the orientation is part of it.
+    locked :
+        True at joints that do not move, shape (n,).
     """
 
     robot: Robot
     reference: ReferenceTrajectory
     keeps_orientation: bool
+    locked: Mask
 
-    def at(self, t: Vector) -> TipTargets:
+    def at(self, t: Vector) -> TipTarget:
         """Return the targets of the tip.
 
         Parameters
@@ -105,122 +59,139 @@ class ToolPath(NamedTuple):
         """
         place = self.reference.tip(t)[0]
         if not self.keeps_orientation:
-            return TipTargets.of(place)
+            return TipTarget.of_each(place, None)
         motion = self.reference.motion(t)
         if motion is None:
-            return TipTargets.of(place, self.reference.orientation)
-        return TipTargets.of(place, placed(self.robot, motion.q).R)
+            return TipTarget.of_each(place, self.reference.orientation)
+        turned = np.array([tip_pose(self.robot, q)[0] for q in motion.q])
+        return TipTarget.of_each(place, turned)
+
+    def project(self, q: Matrix, targets: TipTarget) -> tuple[Matrix, Mask]:
+        """Move postures to where the tip is at its targets, as `ftforce.planning.projection` does.
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, shape (k, n).
+        targets :
+            The targets.
+        """
+        return project(self.robot, q, targets, iterations=_ITERATIONS, locked=self.locked)
+
+    def closest(self, q: Matrix, target: TipTarget) -> Vector:
+        """Return the posture that comes closest to a target that was not reached, shape (n,).
+
+        Parameters
+        ----------
+        q :
+            Postures that do not reach it, rad or m, shape (k, n).
+        target :
+            The target.
+        """
+        missing = np.linalg.norm(residual(self.robot, q, target), axis=1)
+        tried = q[np.argsort(missing)[:_STARTS]]
+        lower, upper = (
+            np.where(self.locked, q[0], x) for x in (self.robot.lower, self.robot.upper)
+        )
+        return closest(self.robot, tried, target, lower, upper)
+
+    def starts(self, q: Vector, t: float, seed: int) -> Matrix:
+        """Return some postures that reach the start of the path, or come close to it, (S, n).
+
+        Parameters
+        ----------
+        q :
+            Posture with the locked joints where they are, rad or m, shape (n,).
+        t :
+            Time of the start, s.
+        seed :
+            Seed of the postures from which they are searched for.
+        """
+        lower, upper = self.robot.ranges
+        drawn = lower + np.random.default_rng(seed).random((_DRAWN, self.robot.n)) * (upper - lower)
+        target = self.at(np.array([t])).at(0)
+        found, reached = self.project(np.where(self.locked, q, drawn), target)
+        if not reached.any():
+            found, _ = project(
+                self.robot, found, target, iterations=_DAMPED_ITERATIONS, locked=self.locked,
+                is_damped=True,
+            )  # fmt: skip
+            far = np.linalg.norm(residual(self.robot, found, target), axis=1)
+            reached = far <= 1.01 * far.min()
+        found = found[reached]
+        _, first = np.unique(np.round(found / _APART), axis=0, return_index=True)
+        return found[np.sort(first)[:_FOLLOWED]]
+
+    def followed(self, q: Matrix, t: Vector, velocity: Vector) -> tuple[Stack, NDArray[np.bool_]]:
+        """Return paths with the least joint motion from point to point, shape (k, S, n).
+
+        Where an arm does not reach the path in time, it goes on as close as it comes from where it
+        is.
+
+        Parameters
+        ----------
+        q :
+            Joint positions near the first point, rad or m, shape (S, n).
+        t :
+            Times of the points, s, shape (k,).
+        velocity :
+            Largest joint velocities, rad/s or m/s, shape (n,).
+
+        Returns
+        -------
+        q :
+            The paths, rad or m, shape (k, S, n).
+        reached :
+            Whether the tip is there, shape (k, S).
+        """
+        targets = self.at(t)
+        paths, reached = np.empty((len(t), *q.shape)), np.empty((len(t), len(q)), dtype=np.bool_)
+        for k in range(len(t)):
+            moved, is_there = self.project(q, targets.at(k))
+            step = np.full(self.robot.n, np.inf)
+            if k:
+                step = np.minimum(velocity * (t[k] - t[k - 1]), _LEAP)
+            is_there &= (np.abs(moved - q) <= step).all(axis=1)
+            near, _ = project(
+                self.robot, q[~is_there], targets.at(k), iterations=_DAMPED_ITERATIONS,
+                locked=self.locked, is_damped=True,
+            )  # fmt: skip
+            moved[~is_there] = np.clip(near, q[~is_there] - step, q[~is_there] + step)
+            paths[k], reached[k] = moved, is_there
+            q = moved
+        return paths, reached
+
+    def deviation(self, q: Matrix, t: Vector) -> Matrix:
+        """Return how far the tip is from its path, m and rad, shape (k, 2).
+
+        Parameters
+        ----------
+        q :
+            Joint positions, rad or m, shape (k, n).
+        t :
+            Times, s, shape (k,).
+        """
+        missing = residual(self.robot, q, self.at(t))
+        turn = np.linalg.norm(missing[:, 3:], axis=1)
+        return np.column_stack([np.linalg.norm(missing[:, :3], axis=1), turn])
 
 
-class Placed(NamedTuple):
-    """Tip poses and frame Jacobians in root axes, shapes (k, 3, 3), (k, 3) and (k, 6, n)."""
-
-    R: NDArray[np.float64]
-    p: Matrix
-    J: NDArray[np.float64]
-
-
-def placed(robot: Robot, q: Matrix) -> Placed:
-    """Return tip poses and Jacobians of several postures.
+def with_target(targets: TipTarget, k: int, robot: Robot, q: Vector) -> TipTarget:
+    """Return targets of which one is where the tip is in a posture.
 
     Parameters
     ----------
-    robot :
-        The arm.
-    q :
-        Joint positions, rad or m, shape (k, n).
+    targets :
+        The targets.
+    k :
+        Index of the one.
+    robot, q :
+        The arm and the posture, rad or m, shape (n,).
     """
-    return Placed(*tip_kinematics(mechanism(robot), q))
-
-
-def residual(target: TipTargets, at: Placed) -> Matrix:
-    """Return what is missing to the target: displacement, m, and rotation vector, shape (k, r).
-
-    Parameters
-    ----------
-    target :
-        The target, or one for each posture.
-    at :
-        The postures.
-    """
-    missing = np.zeros((len(at.p), 6))
-    missing[:, :3] = target.position - at.p
-    if target.rotation is not None and len(at.p):
-        from scipy.spatial.transform import Rotation
-
-        turns = target.rotation @ at.R.transpose(0, 2, 1)
-        missing[:, 3:] = Rotation.from_matrix(turns).as_rotvec()
-    return missing[:, target.rows]
-
-
-def project(
-    robot: Robot,
-    q: Matrix,
-    target: TipTargets,
-    *,
-    locked: Mask | None = None,
-    tolerance: float = REACHED,
-) -> tuple[Matrix, Mask]:
-    """Move postures to where the tip is at its target, with little self-motion.
-
-    Newton's method with steps of least norm; joints at a limit that would leave it are held.
-
-    Parameters
-    ----------
-    robot :
-        The arm.
-    q :
-        Joint positions, rad or m, shape (k, n).
-    target :
-        The target, or one for each posture.
-    locked :
-        True at joints that stay where they are, shape (k, n).
-    tolerance :
-        Largest residual, m and rad.
-
-    Returns
-    -------
-    q :
-        Joint positions within the limits, shape (k, n).
-    reached :
-        Whether the tip is at its target, shape (k,).
-    """
-    q = np.clip(q, robot.lower, robot.upper)
-    reached = np.zeros(len(q), dtype=np.bool_)
-    left = np.arange(len(q))
-    for _ in range(_ITERATIONS):
-        at = placed(robot, q[left])
-        missing = residual(target.at(left), at)
-        is_there = np.abs(missing).max(axis=1, initial=0.0) <= tolerance
-        reached[left[is_there]] = True
-        left, missing, J = left[~is_there], missing[~is_there], at.J[~is_there]
-        if not len(left):
-            break
-        free = np.ones_like(missing, shape=(len(left), robot.n))
-        if locked is not None:
-            free[locked[left]] = 0.0
-        q[left] = _stepped(robot, q[left], J[:, target.rows], missing, free)
-    return q, reached
-
-
-def _stepped(
-    robot: Robot, q: Matrix, J: NDArray[np.float64], missing: Matrix, free: Matrix
-) -> Matrix:
-    """Return postures after a step of the joints that are free, and stay within their limits."""
-    for _ in range(2):
-        step = _least_norm(J * free[:, None], missing)
-        largest = np.abs(step).max(axis=1, keepdims=True)
-        step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(largest, 1e-300))
-        leaves = ((q + step > robot.upper) | (q + step < robot.lower)) & (free > 0.0)
-        if not leaves.any():
-            break
-        free = np.where(leaves, 0.0, free)
-    return np.clip(q + step, robot.lower, robot.upper)
-
-
-def _least_norm(J: NDArray[np.float64], x: Matrix) -> Matrix:
-    """Return Jᵀ(J Jᵀ + λ²)⁻¹ x for several matrices, shape (k, n)."""
-    A = J @ J.transpose(0, 2, 1)
-    size = np.trace(A, axis1=1, axis2=2)
-    A += (_DAMPING * size + 1e-300)[:, None, None] * np.eye(A.shape[1])
-    return (J.transpose(0, 2, 1) @ np.linalg.solve(A, x[..., None]))[..., 0]
+    R, p = tip_pose(robot, q)
+    place, turned = targets.position.copy(), targets.rotation
+    place[k] = p
+    if turned is not None:
+        turned = np.broadcast_to(turned, (len(place), 3, 3)).copy()
+        turned[k] = R
+    return TipTarget.of_each(place, turned)
