@@ -134,20 +134,8 @@ def place(mechanism: Mechanism, question: Question, q: Matrix) -> Placed:
     q :
         Joint positions, rad or m, shape (k, n).
     """
-    angle = q[:, mechanism.driver].T * mechanism.ratio[:, None] + mechanism.offset[:, None]
-    R, p = _frames(mechanism, angle)
-    above = mechanism.tip_parent
-    tip_R = _turned(R[above], mechanism.tip[:9].reshape(3, 3))
-    tip_p = p[above] + np.einsum("ijk,j->ik", R[above], mechanism.tip[9:])
-    columns = np.zeros((6, q.shape[1], len(q)))
-    for e in np.flatnonzero(mechanism.moves_tip).tolist():
-        axis = mechanism.gain[e] * R[e][:, 2]
-        moment = np.zeros_like(axis)
-        linear = axis
-        if not mechanism.is_prismatic[e]:
-            linear, moment = _cross(axis, tip_p - p[e]), axis
-        columns[:3, mechanism.driver[e]] += linear
-        columns[3:, mechanism.driver[e]] += moment
+    R, p = _frames(mechanism, q)
+    tip_R, tip_p, columns = _tip(mechanism, R, p, q)
     if question.in_tool:
         halves = columns.reshape(2, 3, *columns.shape[1:])
         columns = np.einsum("jik,hjnk->hink", tip_R, halves).reshape(columns.shape)
@@ -161,11 +149,47 @@ def place(mechanism: Mechanism, question: Question, q: Matrix) -> Placed:
     return Placed(np.ascontiguousarray(tip_p.T), J, weight)
 
 
-def _frames(mechanism: Mechanism, angle: Matrix) -> tuple[list[Stack], list[Matrix]]:
+def tip_kinematics(mechanism: Mechanism, q: Matrix) -> tuple[Stack, Matrix, Stack]:
+    """Return rotations (k, 3, 3), positions (k, 3), and Jacobians (k, 6, n) of the tip.
+
+    In root axes, the Jacobians at the tip point, linear rows first.
+
+    Parameters
+    ----------
+    mechanism :
+        The arm, its hinges and slides not weighted.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    """
+    R, p, columns = _tip(mechanism, *_frames(mechanism, q), q)
+    return R.transpose(2, 0, 1), p.T, columns.transpose(2, 0, 1)
+
+
+def _tip(
+    mechanism: Mechanism, R: list[Stack], p: list[Matrix], q: Matrix
+) -> tuple[Stack, Matrix, Stack]:
+    """Return rotation (3, 3, k), position (3, k) and Jacobian (6, n, k) of the tip, root axes."""
+    above = mechanism.tip_parent
+    tip_R = _turned(R[above], mechanism.tip[:9].reshape(3, 3))
+    tip_p = p[above] + np.einsum("ijk,j->ik", R[above], mechanism.tip[9:])
+    columns = np.zeros((6, q.shape[1], len(q)))
+    for e in np.flatnonzero(mechanism.moves_tip).tolist():
+        axis = mechanism.gain[e] * R[e][:, 2]
+        moment = np.zeros_like(axis)
+        linear = axis
+        if not mechanism.is_prismatic[e]:
+            linear, moment = _cross(axis, tip_p - p[e]), axis
+        columns[:3, mechanism.driver[e]] += linear
+        columns[3:, mechanism.driver[e]] += moment
+    return tip_R, tip_p, columns
+
+
+def _frames(mechanism: Mechanism, q: Matrix) -> tuple[list[Stack], list[Matrix]]:
     """Return the rotation (3, 3, k) and position (3, k) of every joint, in root axes."""
+    angle = q[:, mechanism.driver].T * mechanism.ratio[:, None] + mechanism.offset[:, None]
     rotations: list[Stack] = []
     places: list[Matrix] = []
-    k = angle.shape[1]
+    k = len(q)
     for e, above in enumerate(mechanism.parent.tolist()):
         P, t = mechanism.placement[e, :9].reshape(3, 3), mechanism.placement[e, 9:]
         if above < 0:

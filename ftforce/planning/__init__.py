@@ -1,1 +1,1 @@
-"""Better postures and paths: what the arm should do so that no fault takes the task."""
+"""Better postures and paths: what is left after the worst fault, made as large as possible."""
