@@ -33,6 +33,7 @@ _CONVERGED = 1e-10  # m
 _DAMPING = 1e-12  # m²
 _WIDEST, _NARROWEST = 0.15, 0.002  # half widths of the intervals of a locked position, of its range
 _ROUNDING = 1e-12
+_LONGEST = 1.0  # rad or m; of a step of the search
 _SINGULAR = 1e-4  # m/rad
 _LARGEST = 1.0  # rad or m; larger surroundings are not tried
 _BOUNDINGS = 8  # steps to the size of the surroundings
@@ -152,32 +153,24 @@ class Reachable:
         if joint is not None:
             q[:, joint] = position
         room = np.minimum(_ROOM, 0.25 * (high - low))
+        active = np.arange(len(q))
         for step in range(_ITERATIONS):
-            tip, J, angular = self.tip.placed(q)
-            error = points - tip
-            if step == _ITERATIONS - 1 or np.abs(error).max(initial=0.0) <= _CONVERGED / 4:
+            tip, K, _ = self.tip.placed(q[active])
+            error = points[active] - tip
+            pull = 0.5 * (np.clip(q[active], low + room, high - room) - q[active])
+            pull *= step < _CENTRING  # away from the limits
+            if joint is not None:
+                K[:, :, joint] = pull[:, joint] = 0.0
+            rest = (np.abs(error).max(axis=1) > _CONVERGED / 4.0) | (np.abs(pull) > 0.01).any(axis=1)
+            active, q_now = active[rest], q[active[rest]]
+            if not len(active):
                 break
-            K = J.copy()
-            if joint is not None:
-                K[:, :, joint] = 0.0
-            pull = 0.5 * (np.clip(q, low + room, high - room) - q)  # away from the limits
-            if joint is not None:
-                pull[:, joint] = 0.0
-            pull *= step < _CENTRING
-            change = _least_norm(K, error, pull)
-            for _ in range(2):  # joints that would leave their limits stop there
-                beyond = np.clip(q + change, low, high) - q
-                stopped = np.abs(beyond - change) > _ROUNDING
-                if not stopped.any():
-                    break
-                rest = error - np.einsum("kmn,kn->km", K, np.where(stopped, beyond, 0.0))
-                free = np.where(stopped[:, None, :], 0.0, K)
-                change = np.where(
-                    stopped, beyond, _least_norm(free, rest, np.where(stopped, 0.0, pull))
-                )
-            change *= np.minimum(1.0, 1.0 / np.maximum(np.abs(change).max(axis=1), 1e-30))[:, None]
-            q = np.clip(q + change, low, high)
-        return Searched(q, J, angular, np.linalg.norm(error, axis=1))
+            change = _within(q_now, K[rest], error[rest], pull[rest], low, high)
+            size = np.abs(change).max(axis=1)
+            change *= np.minimum(1.0, _LONGEST / np.maximum(size, _ROUNDING))[:, None]
+            q[active] = np.clip(q_now + change, low, high)
+        tip, J, angular = self.tip.placed(q)
+        return Searched(q, J, angular, np.linalg.norm(points - tip, axis=1))
 
     def is_proved(
         self, found: Searched, half: float, joint: int | None = None, width: Vector | None = None
@@ -334,6 +327,21 @@ class Reachable:
         good = self.is_proved(found, half, joint, width[every]).reshape(count, _SEEDS)
         best = good.argmax(axis=1)
         return good.any(axis=1), found.q.reshape(count, _SEEDS, -1)[np.arange(count), best]
+
+
+def _within(q: Matrix, K: Stack, error: Matrix, pull: Matrix, low: Vector, high: Vector) -> Matrix:
+    """Return the least changes that move the tips by ``error``; joints stop at their limits."""
+    change = _least_norm(K, error, pull)
+    for _ in range(2):
+        beyond = np.clip(q + change, low, high) - q
+        stopped = np.abs(beyond - change) > _ROUNDING
+        if not stopped.any():
+            break
+        rest = error - np.einsum("kmn,kn->km", K, np.where(stopped, beyond, 0.0))
+        free = np.where(stopped[:, None, :], 0.0, K)
+        others = _least_norm(free, rest, np.where(stopped, 0.0, pull))
+        change = np.where(stopped, beyond, others)
+    return change
 
 
 def _least_norm(K: Stack, error: Matrix, pull: Matrix) -> Matrix:
