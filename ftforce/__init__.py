@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ftforce.errors import FtforceError
     from ftforce.planning.path import plan
     from ftforce.planning.posture import best_posture
+    from ftforce.planning.reach import reach
     from ftforce.report.files import save, to_dict
     from ftforce.robot.formats.dh import DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
@@ -69,6 +70,7 @@ _HOMES = {
     "load_robot": "robot.load",
     "open_sweep": "batch.store.store",
     "plan": "planning.path",
+    "reach": "planning.reach",
     "remap": "core.remap",
     "save": "report.files",
     "simulate": "trajectory.simulate",
@@ -105,6 +107,7 @@ __all__ = [
     "load_robot",
     "open_sweep",
     "plan",
+    "reach",
     "remap",
     "save",
     "simulate",

@@ -127,7 +127,7 @@ OWN = {
     ("capability", "limits"), ("sweep", "limits"), ("compare", "limits"), ("view", "at"),
     ("map", "at"), ("view", "sweep"), ("map", "sweep"), ("replicate", "robot"),
     ("replicate", "force"), ("replicate", "velocity"), ("sweep", "topic"),
-    ("posture", "output"), ("plan", "output"),
+    ("posture", "output"), ("plan", "output"), ("reach", "output"), ("reach", "task"),
 }  # fmt: skip
 
 

@@ -27,6 +27,7 @@ COMMANDS = (
     "census",
     "capability",
     "posture",
+    "reach",
     "view",
     "simulate",
     "timeline",

@@ -28,6 +28,10 @@ EXAMPLES = {
         "timeline panda --to .4,.3,.4 --speed 0.2 --rate 20 --force 0,0,30",
         "timeline dh5 --to .6,.5,.3 --speed 0.1 --faults 2 -o faults.csv",
     ),
+    "reach": (
+        "reach panda --soften --release -o limits.toml --plot reach.svg",
+        "reach dh5 --within limits.toml -o cells.csv",
+    ),
     "plan": (
         "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation",
         "plan panda --to .5,.2,.4 --speed 0.1 --maximize rho -o path.csv",

@@ -576,6 +576,22 @@ class PostureOutputs(PlotOutputs):
     ] = None
 
 
+class ReachOutputs(PlotOutputs):
+    """Where a failure-tolerant workspace, its limits and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the limits before the fault (.toml, .yaml for MoveIt), all of it "
+            "(.json), the cells (.csv .xlsx .tex .md), or the tables (.txt .svg .html); repeat it "
+            "for more.",
+        ),
+    ] = None
+
+
 class PlanOutputs(PlotOutputs):
     """Where a planned motion and its plot go."""
 

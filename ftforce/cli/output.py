@@ -35,9 +35,10 @@ _MORE_ENDINGS = {
     "simulate": _HISTORY_ENDINGS,
     "plan": ("mcap",),
     "posture": ("srdf",),
+    "reach": ("toml", "yaml", "yml"),
     "sweep": ("zarr",),
 }
-_DATA = ("json", "csv", "xlsx", "tex", "md", "srdf", *_HISTORY_ENDINGS)
+_DATA = ("json", "csv", "xlsx", "tex", "md", "srdf", "toml", "yaml", "yml", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ftforce.core.arrays import read_only
 from ftforce.errors import InputError, LimitsError, printable
-from ftforce.io.text import LARGEST_TOML, read_text, read_toml, write_whole
+from ftforce.io.text import LARGEST_TOML, read_text, read_toml
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -28,7 +28,7 @@ RangesLike: TypeAlias = (
 OWN = "the arm's own"
 _TURN = 2.0 * math.pi
 _ROUNDING = 1e-9
-_ENDINGS = (".toml", ".yaml", ".yml")
+FORMATS = ("toml", "yaml", "yml")
 _LARGEST_YAML = 2**20
 _KEYS = {"lower": "lower", "upper": "upper", "min_position": "lower", "max_position": "upper"}
 _IGNORED = frozenset({"has_position_limits"})
@@ -112,25 +112,15 @@ class JointRanges:
             for name, (low, high) in zip(self.robot.names, self.swept.tolist(), strict=True)
         }
 
-    def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write the limits as a TOML file, or as a YAML file of limits for MoveIt.
+    def to_text(self, form: str) -> str:
+        """Return the limits as TOML, or as YAML for MoveIt.
 
         Parameters
         ----------
-        path :
-            File to write; its extension is ``.toml``, ``.yaml`` or ``.yml``.
-
-        Raises
-        ------
-        InputError
-            The file has another extension.
-        OutputError
-            The file cannot be written.
+        form :
+            ``toml``, ``yaml`` or ``yml``.
         """
-        ending = Path(path).suffix.lower()
-        if ending not in _ENDINGS:
-            raise InputError(f"{printable(path)}: the name must end in .toml, .yaml or .yml")
-        return write_whole(path, self._toml() if ending == ".toml" else self._yaml())
+        return self._toml() if form == "toml" else self._yaml()
 
     def _toml(self) -> str:
         lines = [f"# Position limits of {printable(self.robot.name)}, rad (m if prismatic).", ""]
@@ -159,7 +149,7 @@ def _quoted(name: str) -> str:
 
 def _read(robot: Robot, own: Matrix, path: str | os.PathLike[str]) -> JointRanges:
     ending = Path(path).suffix.lower()
-    if ending not in _ENDINGS:
+    if ending.removeprefix(".") not in FORMATS:
         raise LimitsError(path, "expected position limits ending in .toml, .yaml or .yml")
     most = LARGEST_TOML if ending == ".toml" else _LARGEST_YAML
     text = read_text(path, LimitsError, "position limits", most)

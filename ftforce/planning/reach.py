@@ -2,7 +2,8 @@
 
 A tip point counts if the arm reaches it within its limits and, for every joint and every position
 within its limits at which it may lock, the other joints still reach it. Two bounds are given: cells
-of which every point is shown to count, and cells that are not shown to hold no such point.
+of which every point is shown to count, and cells that are not shown to hold no such point. Between
+them lies an estimate: the cells whose middles are shown to count.
 """
 
 from __future__ import annotations
@@ -71,6 +72,9 @@ class Reach(Displayed):
         to be reached, 0 if none is, 1 otherwise.
     tolerated :
         The same for the failure-tolerant workspace.
+    healthy_middles, tolerated_middles :
+        Whether the middle of each cell is shown to be reached by the healthy arm, and whichever
+        joint locks; an axis per coordinate.
     lost_by :
         Volume of the cells that the healthy arm may reach and that are shown to be lost to a lock
         of each joint, m³ or m², shape (n,).
@@ -90,6 +94,8 @@ class Reach(Displayed):
     edge: float
     healthy: NDArray[np.int8]
     tolerated: NDArray[np.int8]
+    healthy_middles: NDArray[np.bool_]
+    tolerated_middles: NDArray[np.bool_]
     lost_by: Vector
     moving: int
     is_whole: bool
@@ -130,11 +136,19 @@ class Reach(Displayed):
         return self._volume(self.healthy != LOST)
 
     @property
-    def share(self) -> tuple[float, float]:
-        """Bounds on the share of the healthy reach that tolerates a lock of any joint."""
-        most = self.outer / self.healthy_inner if self.healthy_inner else math.nan
-        least = self.inner / self.healthy_outer if self.healthy_outer else math.nan
-        return least, min(most, 1.0)
+    def estimate(self) -> float:
+        """Volume of the cells whose middles tolerate a lock of any joint, m³ or m²."""
+        return self._volume(self.tolerated_middles)
+
+    @property
+    def healthy_estimate(self) -> float:
+        """Volume of the cells whose middles the healthy arm reaches, m³ or m²."""
+        return self._volume(self.healthy_middles)
+
+    @property
+    def share(self) -> float:
+        """Share of the healthy reach that tolerates a lock of any joint, of the estimates."""
+        return self.estimate / self.healthy_estimate if self.healthy_estimate else math.nan
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -183,6 +197,8 @@ def reach(
     task: str | Iterable[str] | Task | None = None,
     within: RangesLike = None,
     release: bool = False,
+    soften: bool = False,
+    around: ArrayLike | None = None,
     cell: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
@@ -205,6 +221,11 @@ def reach(
         upper limits, rad or m, by joint or of shape (n, 2). By default the arm's own.
     release :
         Whether the arm's own limits hold after the fault, instead of the artificial ones.
+    soften :
+        Whether to choose artificial limits that make the tolerated region large, within those of
+        ``within``.
+    around :
+        Box that the softened limits are to tolerate first, lower and upper corner, m, shape (2, m).
     cell :
         Edge of the cells, m. By default a 96th of the reach's width in the plane, a 24th in space.
     seed :
@@ -218,17 +239,19 @@ def reach(
         An argument does not suit the arm.
     LimitsError
         The file of limits cannot be read or does not fit the arm.
+
+    Examples
+    --------
+    >>> import ftforce
+    >>> arm = ftforce.load_robot("dh5")
+    >>> found = ftforce.reach(arm, cell=0.25)
+    >>> found.inner <= found.estimate <= found.outer <= found.healthy_outer
+    True
     """
     search = Search.of(
-        robot,
-        faults=faults,
-        mode=mode,
-        task=task,
-        within=within,
-        release=release,
-        cell=cell,
-        seed=seed,
-    )
+        robot, faults=faults, mode=mode, task=task, within=within, release=release, soften=soften,
+        around=around, cell=cell, seed=seed,
+    )  # fmt: skip
     search.run(progress)
     return search.result()
 
@@ -243,7 +266,7 @@ class Search:
         The tip point, the limits, whether they are released, and the seed of the searches.
     origin, edge, shape :
         Corner of the first cell, edge, and numbers of cells.
-    healthy, tolerated, lost_by, is_whole :
+    healthy, tolerated, healthy_middles, tolerated_middles, lost_by, is_whole :
         As of `Reach`.
     """
 
@@ -256,6 +279,8 @@ class Search:
     shape: tuple[int, ...]
     healthy: NDArray[np.int8]
     tolerated: NDArray[np.int8]
+    healthy_middles: NDArray[np.bool_]
+    tolerated_middles: NDArray[np.bool_]
     lost_by: Vector
     is_whole: bool = False
     softened: bool = False
@@ -272,6 +297,8 @@ class Search:
         task: str | Iterable[str] | Task | None = None,
         within: RangesLike = None,
         release: bool = False,
+        soften: bool = False,
+        around: ArrayLike | None = None,
         cell: float | None = None,
         seed: int = 0,
     ) -> Search:
@@ -279,7 +306,7 @@ class Search:
 
         Parameters
         ----------
-        robot, faults, mode, task, within, release, cell, seed :
+        robot, faults, mode, task, within, release, soften, around, cell, seed :
             As in `reach`.
 
         Raises
@@ -299,11 +326,28 @@ class Search:
             raise InputError(f"the seed is a whole number of at least 0, got {seed!r}")
         tip = TipPoint.of(robot, task)
         ranges = JointRanges.of(robot, within)
-        if not isinstance(release, bool):
-            raise InputError(f"release is True or False, got {release!r}")
+        for name, value in (("release", release), ("soften", soften)):
+            if not isinstance(value, bool):
+                raise InputError(f"{name} is True or False, got {value!r}")
+        if around is not None and not soften:
+            raise InputError("around is the box for which limits are softened: ask for soften")
         origin, edge, shape = _cells(tip, cell)
-        states = (np.full(shape, UNDECIDED, dtype=np.int8) for _ in range(2))
-        return cls(tip, ranges, release, seed, origin, edge, shape, *states, np.zeros(robot.n))
+        return cls(
+            tip=tip,
+            ranges=ranges,
+            release=release,
+            seed=seed,
+            origin=origin,
+            edge=edge,
+            shape=shape,
+            healthy=np.full(shape, UNDECIDED, dtype=np.int8),
+            tolerated=np.full(shape, UNDECIDED, dtype=np.int8),
+            healthy_middles=np.zeros(shape, dtype=np.bool_),
+            tolerated_middles=np.zeros(shape, dtype=np.bool_),
+            lost_by=np.zeros(robot.n),
+            softened=soften,
+            around=None if around is None else _box(tip, around),
+        )
 
     def run(self, progress: Progress | None = None) -> None:
         """Search for both bounds.
@@ -314,8 +358,11 @@ class Search:
             As in `reach`.
         """
         check_progress(progress)
-        steps = 1 + self.tip.moving * _POSITIONS + 2 * (_LEVELS + 1) * (self.tip.moving + 1)
+        moving = self.tip.moving
+        steps = 1 + moving * _POSITIONS + (2 * _LEVELS + 3) * (moving + 1)
         self._done = 0
+        if self.softened:
+            self._soften(progress)
 
         def tick() -> None:
             self._done += 1
@@ -331,24 +378,40 @@ class Search:
     def result(self) -> Reach:
         """Return the bounds found so far."""
         return Reach(
-            self.tip.robot,
-            self.tip.rows,
-            self.ranges,
-            self.release,
-            self.softened,
-            self.around,
-            read_only(self.origin),
-            self.edge,
-            *(_frozen(one) for one in (self.healthy, self.tolerated)),
-            read_only(self.lost_by.copy()),
-            self.tip.moving,
-            self.is_whole,
+            robot=self.tip.robot,
+            rows=self.tip.rows,
+            ranges=self.ranges,
+            release=self.release,
+            softened=self.softened,
+            around=self.around,
+            origin=read_only(self.origin),
+            edge=self.edge,
+            healthy=_frozen(self.healthy),
+            tolerated=_frozen(self.tolerated),
+            healthy_middles=_frozen(self.healthy_middles),
+            tolerated_middles=_frozen(self.tolerated_middles),
+            lost_by=read_only(self.lost_by.copy()),
+            moving=self.tip.moving,
+            is_whole=self.is_whole,
         )
 
     @property
     def after(self) -> JointRanges:
         """Limits that hold after the fault."""
         return self.ranges.own() if self.release else self.ranges
+
+    def _soften(self, progress: Progress | None) -> None:
+        """Choose limits before the search."""
+        from ftforce.planning.soften import softened
+
+        def tick(done: int, total: int) -> None:
+            if progress is not None:
+                progress(done, total)
+
+        self.ranges = softened(
+            self.tip, self.ranges, release=self.release, around=self.around, seed=self.seed,
+            tick=tick,
+        )  # fmt: skip
 
     # ---- outer bound -------------------------------------------------------------------------
 
@@ -357,14 +420,14 @@ class Search:
         before = Unreachable(self.tip, self.ranges.swept, self.edge)
         behind = before.fields()
         half = 0.5 * self.edge * math.sqrt(self.tip.m)  # of a cell's diagonal
-        beyond = before.healthy(behind, self._places()) > half**2
+        beyond = np.flatnonzero(before.healthy(behind, self._places()) > half**2)
         self.healthy.flat[beyond] = LOST
         self.tolerated.flat[beyond] = LOST
         tick()
         if self.release:
             before = Unreachable(self.tip, self.after.swept, self.edge)
             behind = before.fields()
-        may = np.flatnonzero(~beyond)
+        may = np.flatnonzero(self.healthy != LOST)
         places = self._places()[may]
         for joint in range(self.tip.moving):
             lost = np.zeros(len(may), dtype=bool)
@@ -396,27 +459,37 @@ class Search:
         if self.release:
             after = Reachable(self.tip, self.after.limits, self.after.swept, self.seed)
         order = np.argsort(-self.lost_by[: self.tip.moving], kind="stable").tolist()
-        for level in range(_LEVELS, -1, -1):
-            for block, places in self._blocks(self.tolerated, level):
-                proved = before.reaches(places, 0.5 * self.edge * 2**level)
+        locked = [
+            Reachable(self.tip, after.limits, self._drawn(after, joint), self.seed)
+            for joint in range(self.tip.moving)
+        ]
+
+        def tolerates(places: Matrix, proved: Mask, half: float) -> Mask:
+            for joint in order:
+                left = np.flatnonzero(proved)
+                swept = tuple(self.ranges.swept[joint].tolist())
+                proved[left] = locked[joint].tolerates(places[left], half, joint, swept)
                 tick()
-                for joint in order:
-                    left = np.flatnonzero(proved)
-                    locked = Reachable(self.tip, after.limits, self._drawn(after, joint), self.seed)
-                    proved[left] = locked.tolerates(
-                        places[left],
-                        0.5 * self.edge * 2**level,
-                        joint,
-                        tuple(self.ranges.swept[joint].tolist()),
-                    )
-                    tick()
-                self._keep(self.tolerated, block[proved], level)
+            return proved
+
+        places, may = self._places(), np.flatnonzero(self.healthy != LOST)
+        reached = before.reaches(places[may], 0.0)
+        self.healthy_middles.flat[may] = reached
+        tick()
+        may = may[reached & (self.tolerated.ravel()[may] != LOST)]
+        shown = tolerates(places[may], np.ones(len(may), dtype=np.bool_), 0.0)
+        self.tolerated_middles.flat[may] = shown
+        for level in range(_LEVELS, -1, -1):
+            half = 0.5 * self.edge * 2**level
+            for block, middles in self._blocks(self.tolerated, self.tolerated_middles, level):
+                proved = before.reaches(middles, half)
+                tick()
+                self._keep(self.tolerated, block[tolerates(middles, proved, half)], level)
         self.healthy[self.tolerated == KEPT] = KEPT
         for level in range(_LEVELS, -1, -1):
-            for block, places in self._blocks(self.healthy, level):
-                self._keep(
-                    self.healthy, block[before.reaches(places, 0.5 * self.edge * 2**level)], level
-                )
+            half = 0.5 * self.edge * 2**level
+            for block, middles in self._blocks(self.healthy, self.healthy_middles, level):
+                self._keep(self.healthy, block[before.reaches(middles, half)], level)
                 tick()
 
     def _drawn(self, after: Reachable, joint: int) -> Matrix:
@@ -425,15 +498,15 @@ class Search:
         return drawn
 
     def _blocks(
-        self, states: NDArray[np.int8], level: int
+        self, states: NDArray[np.int8], shown: NDArray[np.bool_], level: int
     ) -> Iterator[tuple[NDArray[np.intp], Matrix]]:
-        """Yield the undecided blocks of a level, and their middles."""
-        size, least, most = 2**level, states, states
+        """Yield the open blocks of a level, of whose cells all middles are shown, and middles."""
+        size = 2**level
+        is_open = (states == UNDECIDED) & shown
         for axis in range(self.tip.m):
             starts = np.arange(0, self.shape[axis], size)
-            least = np.minimum.reduceat(least, starts, axis=axis)
-            most = np.maximum.reduceat(most, starts, axis=axis)
-        block = np.argwhere((least == UNDECIDED) & (most == UNDECIDED))
+            is_open = np.logical_and.reduceat(is_open, starts, axis=axis)
+        block = np.argwhere(is_open)
         if len(block):
             yield block, self.origin + (block + 0.5) * size * self.edge
 
@@ -468,6 +541,26 @@ def _cells(tip: TipPoint, cell: float | None) -> tuple[Vector, float, tuple[int,
     return origin, float(cell), (count,) * tip.m
 
 
+def _box(tip: TipPoint, around: ArrayLike) -> Matrix:
+    """Return the corners of a box, lower and upper, m, shape (2, m).
+
+    Raises
+    ------
+    InputError
+        They are malformed.
+    """
+    try:
+        box = np.array(around, dtype=np.float64)
+    except (TypeError, ValueError):
+        box = np.zeros(0)
+    if box.shape != (2, tip.m) or not np.isfinite(box).all() or (box[0] > box[1]).any():
+        raise InputError(
+            f"around is a lower and an upper corner of {tip.m} finite coordinates each, m, got "
+            f"{around!r}"
+        )
+    return read_only(box)
+
+
 def _rounded(x: float) -> float:
     """Return a number rounded to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(x))
@@ -476,7 +569,7 @@ def _rounded(x: float) -> float:
     )
 
 
-def _frozen(states: NDArray[np.int8]) -> Any:
+def _frozen(states: NDArray[Any]) -> Any:
     copy = states.copy()
     copy.flags.writeable = False
     return copy

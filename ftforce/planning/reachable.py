@@ -161,11 +161,13 @@ class Reachable:
             pull *= step < _CENTRING  # away from the limits
             if joint is not None:
                 K[:, :, joint] = pull[:, joint] = 0.0
-            rest = (np.abs(error).max(axis=1) > _CONVERGED / 4.0) | (np.abs(pull) > 0.01).any(axis=1)
+            rest = (np.abs(error).max(axis=1) > _CONVERGED / 4.0) | (np.abs(pull) > 0.01).any(
+                axis=1
+            )
             active, q_now = active[rest], q[active[rest]]
             if not len(active):
                 break
-            change = _within(q_now, K[rest], error[rest], pull[rest], low, high)
+            change = _within(q_now, K[rest], error[rest], pull[rest], (low, high))
             size = np.abs(change).max(axis=1)
             change *= np.minimum(1.0, _LONGEST / np.maximum(size, _ROUNDING))[:, None]
             q[active] = np.clip(q_now + change, low, high)
@@ -229,7 +231,8 @@ class Reachable:
         slack = np.minimum(q - self.limits[:, 0], self.limits[:, 1] - q)
         if joint is not None:
             slack[:, joint] = np.inf
-        return good & (moved <= slack).all(axis=1)
+        proved: Mask = good & (moved <= slack).all(axis=1)
+        return proved
 
     def _rest(self, Q: Stack, B: Stack, bound: Matrix) -> Matrix:
         """Return bounds on what the linear part leaves out of the tip's motion, m, shape (k, m)."""
@@ -248,7 +251,7 @@ class Reachable:
         points :
             Middles of the boxes, m, shape (k, m).
         half :
-            Half edge of the boxes, m.
+            Half edge of the boxes, m; 0 for the middles alone.
         """
         still = np.zeros(len(points))
         proved = np.zeros(len(points), dtype=bool)
@@ -258,7 +261,8 @@ class Reachable:
             if not left.size or seeds is None:
                 break
             found = self.search(seeds[left, k], points[left], None, still[left])
-            proved[left] = self.is_proved(found, half)
+            is_there = found.error <= _CONVERGED
+            proved[left] = self.is_proved(found, half) if half else is_there
         return proved
 
     def tolerates(
@@ -326,17 +330,22 @@ class Reachable:
         )
         good = self.is_proved(found, half, joint, width[every]).reshape(count, _SEEDS)
         best = good.argmax(axis=1)
-        return good.any(axis=1), found.q.reshape(count, _SEEDS, -1)[np.arange(count), best]
+        any_good: Mask = np.asarray(good.any(axis=1))
+        return any_good, found.q.reshape(count, _SEEDS, -1)[np.arange(count), best]
 
 
-def _within(q: Matrix, K: Stack, error: Matrix, pull: Matrix, low: Vector, high: Vector) -> Matrix:
+def _within(
+    q: Matrix, K: Stack, error: Matrix, pull: Matrix, limits: tuple[Vector, Vector]
+) -> Matrix:
     """Return the least changes that move the tips by ``error``; joints stop at their limits."""
     change = _least_norm(K, error, pull)
+    stopped = np.zeros(q.shape, dtype=np.bool_)
     for _ in range(2):
-        beyond = np.clip(q + change, low, high) - q
-        stopped = np.abs(beyond - change) > _ROUNDING
-        if not stopped.any():
+        beyond = np.clip(q + change, *limits) - q
+        leaves = np.abs(beyond - change) > _ROUNDING
+        if not leaves.any():
             break
+        stopped |= leaves
         rest = error - np.einsum("kmn,kn->km", K, np.where(stopped, beyond, 0.0))
         free = np.where(stopped[:, None, :], 0.0, K)
         others = _least_norm(free, rest, np.where(stopped, 0.0, pull))

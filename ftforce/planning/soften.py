@@ -143,7 +143,9 @@ def softened(
         The arm does not reach the box.
     """
     total = tip.moving * _TRIES + _GENERATIONS + 1
-    manifolds = _manifolds(tip, own, release, around, seed, lambda k: tick(k, total))
+    manifolds = _manifolds(
+        tip, own, release=release, around=around, seed=seed, tick=lambda k: tick(k, total)
+    )
     least, most = own.swept.T
 
     def ends(x: Vector) -> tuple[Vector, Vector]:
@@ -206,6 +208,7 @@ def _climbed(loss: Callable[[Vector], float], x: Vector) -> Vector:
 def _manifolds(
     tip: TipPoint,
     own: JointRanges,
+    *,
     release: bool,
     around: Matrix | None,
     seed: int,
@@ -217,7 +220,8 @@ def _manifolds(
     count = _BINS[tip.m]
     of, bins, q, edges = [], [], [], []
     for joint in range(tip.moving):
-        ends = np.linspace(*own.swept[joint].tolist(), count + 1)
+        low, high = own.swept[joint].tolist()
+        ends = np.linspace(low, high, count + 1)
         point, bin_ = (one.ravel() for one in np.indices((len(points), count)))
         position = 0.5 * (ends[bin_] + ends[bin_ + 1])
         seeds = reachable.seeds(points[point], joint, position, _TRIES)

@@ -109,15 +109,18 @@ class TipPoint:
         points, lengths = _shortest(axes, places, home, is_prismatic)
         reaches = np.cumsum((lengths + _travel(robot))[::-1])[::-1]
         reaches = reaches - np.where(is_prismatic, _travel(robot), 0.0)
-        made = (read_only(one) for one in (axes, points, is_prismatic, home, reaches))
         return cls(
-            robot,
-            rows,
-            _moving(axes, points, is_prismatic, home),
-            *made,
-            read_only(np.where(is_prismatic, 1.0, reaches)),
-            mechanism,
-            question,
+            robot=robot,
+            rows=rows,
+            moving=_moving(axes, points, is_prismatic, home),
+            axes=read_only(axes),
+            points=read_only(points),
+            is_prismatic=read_only(is_prismatic),
+            home=read_only(home),
+            reaches=read_only(reaches),
+            largest=read_only(np.where(is_prismatic, 1.0, reaches)),
+            _mechanism=mechanism,
+            _question=question,
         )
 
     @property
@@ -189,7 +192,8 @@ class TipPoint:
         arm = points - self.points[joint][rows]
         along = arm @ self.axes[joint][rows] if self.m == 3 else np.zeros(len(arm))
         square = np.einsum("ij,ij->i", arm, arm) - along**2
-        return np.sqrt(np.maximum(square, 0.0))
+        distance: Vector = np.sqrt(np.maximum(square, 0.0))
+        return distance
 
 
 def _rows(robot: Robot, task: str | Iterable[str] | Task | None) -> tuple[int, ...]:

@@ -21,8 +21,10 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
 from ftforce.io.text import write_whole
+from ftforce.planning.joint_ranges import FORMATS as LIMITS_FORMATS
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import Reach
 from ftforce.report.analysis import analysis_document, analysis_rows
 from ftforce.report.capability import capability_document, capability_rows
 from ftforce.report.census import census_document, census_rows
@@ -34,6 +36,7 @@ from ftforce.report.parts import SETTING_COLUMNS
 from ftforce.report.plan import plan_document, plan_rows
 from ftforce.report.posture import posture_document, posture_rows, posture_srdf
 from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance, origin_of
+from ftforce.report.reach import reach_document, reach_rows
 from ftforce.report.robot import (
     replication_document,
     replication_rows,
@@ -63,6 +66,7 @@ if TYPE_CHECKING:
         | Comparison
         | History
         | PathPlan
+        | Reach
         | Replication
         | Robot
         | Sweep
@@ -98,6 +102,7 @@ to_rows.register(History, history_rows)
 to_rows.register(Timeline, timeline_rows)
 to_rows.register(PathPlan, plan_rows)
 to_rows.register(BestPosture, posture_rows)
+to_rows.register(Reach, reach_rows)
 to_rows.register(Robot, robot_rows)
 to_rows.register(Replication, replication_rows)
 to_rows.register(Comparison, comparison_rows)
@@ -152,6 +157,7 @@ _document.register(WorkspaceMap, map_document)
 _document.register(Timeline, timeline_document)
 _document.register(PathPlan, plan_document)
 _document.register(BestPosture, posture_document)
+_document.register(Reach, reach_document)
 
 
 FORMATS = ("json", "csv", "xlsx", "tex", "md")
@@ -175,7 +181,7 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
     path :
         The file, with extension ``.json``, ``.csv``, ``.xlsx``, ``.tex`` or ``.md``; for a history
         also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2; for a best posture also
-        ``.srdf``.
+        ``.srdf``; for a reach also ``.toml`` or ``.yaml``, its limits.
 
     Raises
     ------
@@ -201,7 +207,8 @@ def to_content(result: object, form: str) -> str | bytes:
         A result or a robot.
     form :
         ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz``, ``parquet`` or
-        ``mcap``, a trajectory for ROS 2; for a best posture also ``srdf``.
+        ``mcap``, a trajectory for ROS 2; for a best posture also ``srdf``; for a reach also
+        ``toml`` or ``yaml``, its limits.
 
     Raises
     ------
@@ -212,6 +219,8 @@ def to_content(result: object, form: str) -> str | bytes:
         return history_files.history_bytes(result, form, _origin(result))
     if isinstance(result, BestPosture) and form == "srdf":
         return posture_srdf(result)
+    if isinstance(result, Reach) and form in LIMITS_FORMATS:
+        return result.ranges.to_text(form)
     if isinstance(result, (History, PathPlan)) and form == "mcap":
         return _trajectory(result)
     return _workbook(result) if form == "xlsx" else to_text(result, form)
@@ -221,8 +230,8 @@ def _formats_of(result: object) -> tuple[str, ...]:
     """Return the endings of the files that hold a result as data."""
     if isinstance(result, History):
         return _HISTORY_FORMATS
-    more = {PathPlan: "mcap", BestPosture: "srdf"}.get(type(result))
-    return FORMATS if more is None else (*FORMATS, more)
+    more = {PathPlan: ("mcap",), BestPosture: ("srdf",), Reach: LIMITS_FORMATS}
+    return (*FORMATS, *more.get(type(result), ()))
 
 
 def _trajectory(result: History | PathPlan) -> bytes:

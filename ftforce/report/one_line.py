@@ -17,6 +17,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import Reach
 from ftforce.report.analysis import verdict_sentence
 from ftforce.report.capability import capability_sentence
 from ftforce.report.census import critical_joint
@@ -25,6 +26,7 @@ from ftforce.report.history import history_sentence
 from ftforce.report.map import map_sentence
 from ftforce.report.plan import plan_sentence
 from ftforce.report.posture import posture_sentence
+from ftforce.report.reach import reach_sentence
 from ftforce.report.robot import replication_sentence
 from ftforce.report.sweep import sweep_sentence
 from ftforce.report.text import number
@@ -83,6 +85,11 @@ def _(result: PathPlan) -> str:
 @_words.register
 def _(result: BestPosture) -> str:
     return f"{result.robot.name!r}: {posture_sentence(result)}"
+
+
+@_words.register
+def _(result: Reach) -> str:
+    return f"{result.robot.name!r}: {reach_sentence(result)}"
 
 
 @_words.register

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,46 +9,63 @@ import numpy as np
 from ftforce.planning.reach import KEPT, LOST
 from ftforce.report import parts
 from ftforce.report.fields import Document, Field, Row, constants, document, whole
-from ftforce.report.text import number, size
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ftforce.planning.reach import Reach
 
 _AXES = "xyz"
-STATES = ("no", "open", "yes")
-"""What a cell is shown to be, by its state."""
 
 
 def limits_in_words(found: Reach) -> str:
     """Say which limits hold before and after the fault."""
-    before = "chosen here (softened)" if found.softened else found.ranges.source
-    after = "the arm's own" if found.release else "the same"
-    return f"before the fault: {before}; after it: {after}"
+    before = "softened, chosen here" if found.softened else found.ranges.source
+    if found.release:
+        return f"before the fault: {before}; after it: the arm's own"
+    return f"{before}, before the fault and after it"
 
 
 def reach_sentence(found: Reach) -> str:
     """Say how much of the reach tolerates a lock of any joint."""
-    low, high = (size(x, 3) for x in (found.inner, found.outer))
-    healthy = f"{size(found.healthy_inner, 3)} to {size(found.healthy_outer, 3)} {found.unit}"
+    unit, shown = found.unit, amount_of(found)
+    healthy = f"of the {shown(found.healthy_estimate)} {unit} that the healthy arm reaches"
     if found.outer == 0.0:
+        return f"Nothing {healthy} is left whichever joint locks, anywhere within its limits."
+    if found.estimate == 0.0:
+        critical = found.robot.names[critical_joints(found)[0]]
         return (
-            f"No point is reached whichever joint locks anywhere within the limits, of {healthy} "
-            "that the healthy arm reaches."
+            "No point was found that is reached whichever joint locks, anywhere within its limits, "
+            f"{healthy}; at most {shown(found.outer)} {unit} are not excluded. A lock of "
+            f"{critical} costs most."
         )
-    least, most = (100.0 * x for x in found.share)
-    share = "" if math.isnan(most) else f", {number(least, 1)} to {number(most, 1)} % of its reach"
     return (
-        f"Between {low} and {high} {found.unit}{share}, are reached whichever joint locks anywhere "
-        f"within the limits; the healthy arm reaches {healthy}."
+        f"About {shown(found.estimate)} {unit}, {100.0 * found.share:.3g} % {healthy}, are reached "
+        "whichever joint locks, anywhere within its limits: at least "
+        f"{shown(found.inner)} {unit}, and at most {shown(found.outer)} {unit}."
     )
+
+
+def amount_of(found: Reach) -> Callable[[float], str]:
+    """Return what formats volumes, with as many decimals for all."""
+    decimals = 2 if found.healthy_outer >= 1.0 else 4
+    return lambda x: f"{x:.{decimals}f}"
+
+
+def _estimate_states(found: Reach) -> list[str]:
+    chosen = found.healthy != LOST
+    kept, middles = found.tolerated[chosen] == KEPT, found.tolerated_middles[chosen]
+    lost = found.tolerated[chosen] == LOST
+    state = np.where(kept, "yes", np.where(middles, "middle", np.where(lost, "no", "open")))
+    return [str(one) for one in state.tolist()]
 
 
 def _cells(found: Reach) -> Any:
     chosen = found.healthy != LOST
     return {
         "place": found.places(chosen),
-        "healthy": [STATES[i] for i in found.healthy[chosen].tolist()],
-        "tolerated": [STATES[i] for i in found.tolerated[chosen].tolist()],
+        "healthy": found.healthy_middles[chosen].tolist(),
+        "tolerated": _estimate_states(found),
     }
 
 
@@ -85,12 +101,15 @@ REACH = (
     }),
     Field("limits_source", "where these limits come from", get="ranges.source"),
     Field("reach", "what the tip reaches", get=whole, parts=(
-        Field("healthy", "shown to be reached by the healthy arm", "m³, m²",
-            get="healthy_inner"),
-        Field("healthy_outer", "not shown to be beyond its reach", "m³, m²"),
-        Field("inner", "shown to be reached whichever joint locks", "m³, m²"),
-        Field("outer", "not shown to be lost to a lock", "m³, m²"),
-        Field("share", "least and largest share of the healthy reach", "1", "2"),
+        Field("healthy", "cells whose middle the healthy arm reaches", "m³, m²",
+            get="healthy_estimate"),
+        Field("estimate", "cells whose middle is reached whichever joint locks", "m³, m²"),
+        Field("inner", "cells of which every point is shown to be", "m³, m²"),
+        Field("outer", "cells that are not shown to hold no such point", "m³, m²"),
+        Field("share", "`estimate` over `healthy`", "1"),
+        Field("healthy_inner", "cells of which the healthy arm is shown to reach every point",
+            "m³, m²"),
+        Field("healthy_outer", "cells not shown to be beyond its reach", "m³, m²"),
         Field("is_whole", "whether the search was finished; the bounds hold if not"),
     )),
     Field("lost_by", "volume of the healthy arm's cells that a lock of the joint is shown to cost",
@@ -98,10 +117,11 @@ REACH = (
     Field("edge", "edge of a cell", "m"),
     Field("cells", "the cells that the healthy arm may reach", get=_cells, parts=(
         Field("place", "middles", "m", "c × m", _of("place")),
-        Field("healthy", "`yes`: reached, as is shown; `open`: not shown", shape="c",
+        Field("healthy", "whether the healthy arm reaches the middle", shape="c",
             get=_of("healthy")),
-        Field("tolerated", "`yes`: reached whichever joint locks, as is shown; `no`: not, as is "
-            "shown; `open`: neither is shown", shape="c", get=_of("tolerated")),
+        Field("tolerated", "`yes`: every point is reached whichever joint locks; `middle`: the "
+            "middle is; `no`: no point is; `open`: neither is shown", shape="c",
+            get=_of("tolerated")),
     )),
     Field("summary", "a sentence", get=reach_sentence),
     parts.WARNINGS,
@@ -119,8 +139,8 @@ def reach_columns() -> tuple[Field, ...]:
     return (
         *(Field(axis, "middle of the cell, in the root's axes", "m") for axis in _AXES),
         Field("edge", "edge of a cell", "m"),
-        Field("healthy", "`yes` or `open`, as in JSON"),
-        Field("tolerated", "`yes`, `open` or `no`, as in JSON"),
+        Field("healthy", "whether the healthy arm reaches the middle"),
+        Field("tolerated", "`yes`, `middle`, `open` or `no`, as in JSON"),
     )
 
 
@@ -139,19 +159,7 @@ def reach_rows(found: Reach) -> list[Row]:
     return rows
 
 
-def layer_at(found: Reach, axis: int, at: float) -> int:
-    """Return the layer of cells that holds a position along a coordinate."""
-    count = found.tolerated.shape[axis]
-    layer = math.floor((at - float(found.origin[axis])) / found.edge + 1e-9)
-    return min(max(layer, 0), count - 1)
-
-
 def critical_joints(found: Reach) -> list[int]:
     """Return the joints that move the tip, those whose lock costs most first."""
     order = np.argsort(-found.lost_by[: found.moving], kind="stable")
     return [int(i) for i in order]
-
-
-def kept_at(found: Reach, point: Any) -> bool:
-    """Return whether a point is in a cell that is shown to be tolerated."""
-    return found.state_at(point) == KEPT

@@ -22,6 +22,7 @@ from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import Reach
 from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -72,6 +73,7 @@ Drawable: TypeAlias = (
     | Comparison
     | PathPlan
     | BestPosture
+    | Reach
 )
 
 
@@ -227,6 +229,17 @@ def _of_posture(drawn: Figure, found: BestPosture) -> None:
     plots.along_self_motion(found, ax=drawn.subplots())
 
 
+def _of_reach(drawn: Figure, found: Reach) -> None:
+    if found.m == 2:
+        drawn.set_size_inches(WIDTH, 4.8)
+        plots.reach_map(found, ax=drawn.subplots())
+        return
+    drawn.set_size_inches(WIDTH, 4.2)
+    for plane, ax in zip(("xz", "xy"), drawn.subplots(1, 2), strict=True):
+        plots.reach_map(found, plane, ax=ax)
+    _one_legend(drawn)
+
+
 def _of_census(drawn: Figure, census: Census) -> None:
     rows = min(_MOST_BARS, len(census.sets))
     drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * (rows + 1))
@@ -288,6 +301,7 @@ _LAYOUTS: dict[type[Any], Any] = {
     Comparison: lay_out,
     PathPlan: _of_plan,
     BestPosture: _of_posture,
+    Reach: _of_reach,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

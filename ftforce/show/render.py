@@ -19,6 +19,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import Reach
 from ftforce.robot.robot import Robot
 from ftforce.show.tables.analysis import analysis_view, remap_view
 from ftforce.show.tables.capability import capability_view
@@ -28,6 +29,7 @@ from ftforce.show.tables.history import history_view
 from ftforce.show.tables.map import map_view
 from ftforce.show.tables.plan import plan_view
 from ftforce.show.tables.posture import posture_view
+from ftforce.show.tables.reach import reach_view
 from ftforce.show.tables.replication import replication_view
 from ftforce.show.tables.robot import robot_view
 from ftforce.show.tables.sweep import sweep_view
@@ -44,6 +46,7 @@ def render(result: object) -> RenderableType:
 
 render.register(Analysis, analysis_view)
 render.register(BestPosture, posture_view)
+render.register(Reach, reach_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
 render.register(Comparison, comparison_view)

@@ -10,6 +10,7 @@ from ftforce.show.plots.census import census
 from ftforce.show.plots.comparison import comparison
 from ftforce.show.plots.plan import objective_over_time, planned_positions
 from ftforce.show.plots.posture import along_self_motion
+from ftforce.show.plots.reach import reach_map
 from ftforce.show.plots.sweep import criticality, histogram
 from ftforce.show.plots.timeline import heat_map
 from ftforce.show.plots.trajectory import force, jump, path, path_error, torques
@@ -29,6 +30,7 @@ __all__ = [
     "path",
     "path_error",
     "planned_positions",
+    "reach_map",
     "survival",
     "survival_3d",
     "torques",
