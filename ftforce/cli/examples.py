@@ -18,7 +18,7 @@ EXAMPLES = {
     ),
     "posture": (
         "posture panda --like default",
-        "posture panda --at .5,.1,.4 --rpy 180,0,0 --deg --maximize payload -o best.srdf",
+        "posture panda --at .5,.1,.4 --rpy 180,0,0 --deg -o best.srdf",
     ),
     "simulate": (
         "simulate panda --to .4,.3,.4 --speed 0.2 --force 0,0,30 --fault 4@1",

@@ -362,7 +362,7 @@ class Search:
         steps = 1 + moving * _POSITIONS + (2 * _LEVELS + 3) * (moving + 1)
         self._done = 0
         if self.softened:
-            self._soften(progress)
+            self.soften(progress)
 
         def tick() -> None:
             self._done += 1
@@ -400,8 +400,14 @@ class Search:
         """Limits that hold after the fault."""
         return self.ranges.own() if self.release else self.ranges
 
-    def _soften(self, progress: Progress | None) -> None:
-        """Choose limits before the search."""
+    def soften(self, progress: Progress | None = None) -> None:
+        """Choose limits before the search.
+
+        Parameters
+        ----------
+        progress :
+            As in `reach`.
+        """
         from ftforce.planning.soften import softened
 
         def tick(done: int, total: int) -> None:

@@ -237,7 +237,15 @@ def _of_reach(drawn: Figure, found: Reach) -> None:
     drawn.set_size_inches(WIDTH, 4.2)
     for plane, ax in zip(("xz", "xy"), drawn.subplots(1, 2), strict=True):
         plots.reach_map(found, plane, ax=ax)
-    _one_legend(drawn)
+    keys = [ax.get_legend() for ax in drawn.axes]
+    kinds: dict[str, Any] = {}
+    for key in keys:
+        if key is not None:
+            words = [text.get_text() for text in key.texts]
+            kinds |= dict(zip(words, key.legend_handles, strict=True))
+            key.remove()
+    place: Options = {"loc": "outside lower center", "ncols": 2}
+    drawn.legend(list(kinds.values()), list(kinds), **place, frameon=False)
 
 
 def _of_census(drawn: Figure, census: Census) -> None:

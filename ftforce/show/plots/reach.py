@@ -21,7 +21,7 @@ _AXES = "xyz"
 _KINDS = (
     ("white", "out of reach"),
     ("0.85", "reached, but not after every lock"),
-    ("#f0c060", "not decided"),
+    ("#f0c060", "neither shown nor excluded"),
     ("#6baed6", "middle of the cell reached whichever joint locks"),
     ("#08519c", "whole cell, proved"),
 )
