@@ -166,7 +166,8 @@ def test_the_topic_is_chosen_or_asked_for(tmp_path, dh5):
     with pytest.raises(InputError, match=r"no message of /wheels has all joints of the chain"):
         read_motion(path, JOINTS, "/wheels")
     with pytest.raises(
-        InputError, match=r"none of the first 100,000 messages has all joints of the chain, elbow"
+        InputError,
+        match=r"^no message has all joints of the chain, elbow; the topics are: /joint_states \(",
     ):
         read_motion(path, ["elbow"])
 
@@ -243,8 +244,7 @@ def test_bags_that_are_not_whole(tmp_path, folder):
         read_motion(path, JOINTS)
     upper = tmp_path / "run.MCAP"
     upper.write_bytes(next(folder.glob("*.mcap")).read_bytes())
-    with pytest.raises(InputError, match=r"its extension must be in lower case: \.mcap"):
-        read_motion(upper, JOINTS)
+    np.testing.assert_array_equal(read_motion(upper, JOINTS).q, Q)
     os.mkfifo(tmp_path / "pipe.mcap")
     with pytest.raises(InputError, match="is not a regular file"):
         read_motion(tmp_path / "pipe.mcap", JOINTS)
@@ -266,7 +266,7 @@ def test_what_is_no_bag(tmp_path, dh5, monkeypatch, folder):
     monkeypatch.setattr(bag, "MAX_MESSAGES", 5)
     with pytest.raises(InputError, match="has more than 5 messages"):
         read_motion(folder, JOINTS)
-    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
     with pytest.raises(FtforceError, match=r"pip install 'ftforce\[bag\]'"):
         read_motion(folder, JOINTS)
 
