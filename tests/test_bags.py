@@ -134,8 +134,11 @@ def test_a_trajectory_that_stands_still_is_no_second_one(tmp_path, dh5):
     points = [point(i, "q") for i in (0, 1, 1, 2, 3)]
     message = STORE.types[kind](state_of(STORE, 0).header, list(JOINTS), points)
     path = write(tmp_path / "run", {("/plan", kind): [message]})
-    with pytest.raises(TrajectoryError, match=r"sample 3: the time 0\.05 s appears twice"):
-        Recording.read(dh5, path)
+    found = Recording.read(dh5, path)
+    np.testing.assert_array_equal(found.q, Q[:4])
+    assert found.notes[1] == (
+        "one sample that repeats time and positions of the one before (first at sample 3) left out"
+    )
 
 
 def test_messages_of_other_drivers_in_the_topic_are_left_out(tmp_path):
@@ -407,14 +410,11 @@ def test_columns_as_plotting_tools_write_them(tmp_path, dh5, form, mark):
 
 def test_a_sweep_takes_the_same_columns(tmp_path, dh5):
     path = tmp_path / "run.csv"
-    for form in ("PlotJuggler", "numbers"):
+    for form in ("PlotJuggler", "numbers", "rostopic", "a row of names"):
         path.write_text(table(FORMS[form][0], *FORMS[form][1], mark=";"), "utf-8")
         postures = postures_from_file(dh5, path)
         np.testing.assert_array_equal(postures.block(0, COUNT), Q)
-        assert "from run.csv (columns " in str(postures)
-    path.write_text(table(FORMS["rostopic"][0], *FORMS["rostopic"][1]), "utf-8")
-    with pytest.raises(TrajectoryError, match=r"'field\.name0' hold the names of the joints"):
-        postures_from_file(dh5, path)
+        assert "from run.csv (" in str(postures)
 
 
 @pytest.mark.parametrize(

@@ -405,10 +405,14 @@ class _Track:
 
     def sorted(self, *, by_stamps: bool) -> _Sorted:
         """Return the times, those of messages in the order in which they were received."""
-        order = np.argsort(np.array(self.received), kind="stable")
-        times = np.array(self.stamps if by_stamps else self.received)[order]
-        q, v = (np.array(x).reshape(-1, len(self.places))[order] for x in (self.q, self.v))
-        return _Sorted(self.places, times, q, v if (np.abs(v) <= _LARGEST).all() else None)
+        received = np.frombuffer(self.received, np.int64)
+        times = np.frombuffer(self.stamps if by_stamps else self.received, np.int64)
+        q, v = (np.frombuffer(x).reshape(-1, len(self.places)) for x in (self.q, self.v))
+        if (np.diff(received) < 0).any():
+            order = np.argsort(received, kind="stable")
+            times, q, v = times[order], q[order], v[order]
+        has_v = bool(-_LARGEST <= v.min() <= v.max() <= _LARGEST)  # and no NaN
+        return _Sorted(self.places, times, q, v if has_v else None)
 
 
 class _Sorted(NamedTuple):
@@ -463,8 +467,7 @@ def _collected(bag: _Bag, topic: str, joints: Sequence[str]) -> tuple[_Tracks, l
         _check_count(kept, topic)
         if len(tracks) > len(joints):  # so some of them have a joint in common
             break
-    said = [f"{left_out:,} messages without all joints of the chain are left out"] * bool(left_out)
-    return tracks, said
+    return tracks, _left_out(left_out)
 
 
 def _last_trajectory(bag: _Bag, topic: str, joints: Sequence[str]) -> tuple[_Tracks, list[str]]:
@@ -484,8 +487,14 @@ def _last_trajectory(bag: _Bag, topic: str, joints: Sequence[str]) -> tuple[_Tra
                 for sample in samples:
                     track.add(sample, joints)
                 tracks = {everything: track}
-    notes = [f"{left_out:,} messages without all joints of the chain are left out"] * bool(left_out)
-    return tracks, [*notes, *[f"{count} trajectories; the last one is taken"] * (count > 1)]
+    notes = [f"{count} trajectories; the last one is taken"] * (count > 1)
+    return tracks, [*_left_out(left_out), *notes]
+
+
+def _left_out(count: int) -> list[str]:
+    what = f"{count:,} messages" if count > 1 else "one message"
+    verb = "are" if count > 1 else "is"
+    return [f"{what} without all joints of the chain {verb} left out"] * bool(count)
 
 
 def _places(sample: _Sample, joints: Sequence[str]) -> tuple[int, ...]:

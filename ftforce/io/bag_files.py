@@ -13,6 +13,7 @@ import struct
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple, TypeAlias
+from zlib import crc32
 
 from ftforce.errors import FileError, FtforceError, InputError, listed, printable
 from ftforce.io.text import read_text
@@ -424,7 +425,7 @@ class _Mcap:
                 yield kind, memoryview(file.read(size))
             elif kind == _CHUNK:
                 fields = _Fields(file.read(min(size, 1000)))
-                _, _, unpacked, _ = fields.numbers("<QQQI")
+                _, _, unpacked, checksum = fields.numbers("<QQQI")
                 compression = fields.text()
                 (packed,) = fields.numbers("<Q")
                 if packed != size - fields.at:
@@ -433,6 +434,8 @@ class _Mcap:
                     raise InputError(_too_large("a chunk", _LARGEST_CHUNK))
                 file.stream.seek(fields.at - min(size, 1000), 1)
                 chunk = unpack(file.read(packed), compression, unpacked)
+                if checksum and crc32(chunk) != checksum:
+                    raise InputError("is damaged: the checksum of a chunk is wrong")
                 yield from (one for one in _inner_records(chunk) if one[0] in kinds)
 
 
@@ -607,8 +610,12 @@ class _Db3:
     def _opened(path: Path) -> Iterator[sqlite3.Connection]:
         """Open a database, in which no more is done than its size may need."""
         with path.open("rb") as stream:
-            if stream.read(len(_SQLITE)) != _SQLITE:
-                raise InputError("is damaged or not a bag: it is no database of SQLite")
+            head = stream.read(100)
+        if len(head) < 100 or not head.startswith(_SQLITE):
+            raise InputError("is damaged or not a bag: it is no database of SQLite")
+        page, pages = struct.unpack(">H10xI", head[16:32])
+        if pages * (65_536 if page == 1 else page) > path.stat().st_size:
+            raise InputError("is cut off: the file is shorter than its database")
         place = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
         with closing(sqlite3.connect(place, uri=True)) as database:
             database.text_factory = lambda text: text.decode(errors="replace")

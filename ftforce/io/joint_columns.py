@@ -26,7 +26,17 @@ _WISHES = frozenset(
 )
 _OTHERS = frozenset(
     {"tcp", "ee", "eef", "tool", "cartesian", "pose", "motor", "wheel", "base"}
-    | {"torque", "torques", "effort", "efforts", "velocity", "velocities", "current", "temperature"}
+    | {
+        "tau",
+        "torque",
+        "torques",
+        "effort",
+        "efforts",
+        "velocity",
+        "velocities",
+        "current",
+        "temperature",
+    }
 )
 _NEUTRAL = frozenset({"joint", "joints", "j", "actual", "measured", "state", "states", "feedback"})
 _NUMBERED = re.compile(
