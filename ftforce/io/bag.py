@@ -547,8 +547,9 @@ def _merged(parts: list[_Sorted], joints: Sequence[str]) -> tuple[_Sorted, list[
         times = times[(times >= part.times[0]) & (times <= part.times[-1])]
         steps = np.diff(part.times)
         if len(steps) and len(times):
-            after = np.clip(np.searchsorted(part.times, times), 1, len(steps)) - 1
-            times = times[steps[after] <= _GAP * np.median(steps)]
+            after = np.clip(np.searchsorted(part.times, times), 1, len(steps))
+            is_near = steps[after - 1] <= _GAP * np.median(steps)
+            times = times[is_near | (part.times[after] == times)]
     if not len(times):
         raise InputError("the joints are in different messages, which do not overlap in time")
     q = np.empty((len(times), len(joints)))
