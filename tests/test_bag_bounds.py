@@ -189,6 +189,31 @@ def test_files_compressed_as_a_whole(tmp_path):
     refused(path, r"compressed as a whole; unpack it first: zstd -d run\.db3\.zstd")
 
 
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (record(0x7F, b"") * 100_000, "it unpacks to more than 1,000 times its size"),
+        (inside(RAW[:1]) * 20_000, "its messages are more than 100 times as large as it is"),
+    ],
+    ids=["records", "messages"],
+)
+def test_small_files_of_very_many(tmp_path, content, problem, monkeypatch):
+    """What takes its time in Python is counted, too: records, and messages to decode."""
+    monkeypatch.setattr(bag_files, "_UNPACKED", 20_000_000)
+    monkeypatch.setattr(bag_files, "_ASKED", 1_000_000)
+    chunk = ("zstd", len(content), PACK["zstd"](content), 0)
+    path = mcap(tmp_path / "run.mcap", chunks=[chunk])
+    refused(path, problem, memory=2 * len(content) + 8_000_000)
+
+
+def test_a_file_is_listed_once(tmp_path):
+    path = write(tmp_path / "run", {STATE: STATES})
+    meta = path / "metadata.yaml"
+    line = next(one for one in meta.read_text("utf-8").splitlines() if one.endswith("- run.mcap"))
+    meta.write_text(meta.read_text("utf-8").replace(line, f"{line}\n{line}", 1), "utf-8")
+    refused(path, r"is refused: metadata\.yaml lists a file twice")
+
+
 # ---- databases -------------------------------------------------------------------------------
 
 TOPICS = (
@@ -271,7 +296,7 @@ SECTION = b"=" * 80 + b"\nMSG: "
 @pytest.mark.parametrize(
     ("definition", "problem"),
     [
-        (b"int32 x\n" * 20_000, "definition of sensor_msgs/msg/JointState has more than 100,000"),
+        (b"int32 x\n" * 20_000, "definition of sensor_msgs/msg/JointState has more than 50,000"),
         (HEADER + b"a/B[] all\n" + SECTION + b"a/B\n", r"has a list of a/msg/B, which is empty"),
         (HEADER + b"a/B[9] all\n" + SECTION + b"a/B\nfloat64[0] x\n", r"has a list of a/msg/B, "),
         (b"string[] x = 'a'\n(", r"is damaged: the definition of sensor_msgs/msg/JointState: "),

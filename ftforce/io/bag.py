@@ -32,7 +32,8 @@ MAX_MESSAGES = 5_000_000
 _PEEKED = 100_000  # messages of a topic in which joints are looked for
 _LARGEST = 1e12  # of positions and velocities
 _MANY_JOINTS = 10_000  # names in one message
-_LARGEST_DEFINITION = 100_000  # characters; that of a controller's state has 5,000
+_LARGEST_DEFINITION = 50_000  # characters; that of a controller's state has 5,000
+_MANY_DEFINITIONS = 10  # different ones of joint motions in a bag
 _GAP = 10.0  # times the median step; over longer gaps no joint is interpolated
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
@@ -156,6 +157,8 @@ class _Bag:
         """Return the instants in a message; of a trajectory its points."""
         key = one[2:]
         if key not in self.decoders:
+            if len(self.decoders) >= _MANY_DEFINITIONS:
+                raise InputError(f"has more than {_MANY_DEFINITIONS} definitions of its messages")
             self.decoders[key] = _decoder(one)
         try:
             message = self.decoders[key](raw)

@@ -26,8 +26,12 @@ ENDINGS = (".mcap", ".db3", ".bag")
 
 LARGEST_MESSAGE = 200_000_000  # bytes; a trajectory of a million points of seven joints
 _LARGEST_CHUNK = 500_000_000  # bytes, unpacked; recorders write about 1 MB, or one message
-_UNPACKED = 1_000_000_000  # bytes that may be unpacked from any file, however small,
+_UNPACKED = 300_000_000  # bytes that may be unpacked from any file, however small,
 _RATIO = 1_000  # and times its size: joint states shrink to a tenth, blank images to a thousandth
+_RECORD = 500  # bytes that take as long to unpack as a record of a chunk to read
+_RECORD_1 = 3_000  # of ROS 1
+_ASKED = 30_000_000  # bytes of the topics that are read, from any file, and
+_ASKED_RATIO = 100  # times its size: their times at least differ
 _LARGEST_META = 10_000_000  # bytes
 _LARGEST_HEADER = 10_000_000  # bytes; a header of ROS 1 may hold the definition of a message
 _MOST_TOPICS = 10_000
@@ -40,7 +44,7 @@ _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _FOOTER = 3, 4, 5, 6, 2  # records of MCAP
 _DATA_1, _CHUNK_1, _CONNECTION_1 = 2, 5, 7  # records of ROS 1
 _CUT = "is cut off or damaged"
 
-Bytes: TypeAlias = "bytes | memoryview"
+Bytes: TypeAlias = "bytes | bytearray | memoryview"
 
 
 class Connection(NamedTuple):
@@ -120,6 +124,7 @@ class BagFile:
         """
         known = {one.id: one for one in self.connections if one.id in wanted}
         found = self._format.messages(self.path, known)
+        left = _ASKED + _ASKED_RATIO * self.path.stat().st_size
         while True:
             with _told():  # not around the yield: what is done with a message is not the file's
                 one = next(found, None)
@@ -129,6 +134,11 @@ class BagFile:
                 return
             if len(one[2]) > LARGEST_MESSAGE:
                 raise InputError(_too_large("a message", LARGEST_MESSAGE))
+            left -= len(one[2])
+            if left < 0:
+                raise InputError(
+                    f"is refused: its messages are more than {_ASKED_RATIO} times as large as it is"
+                )
             yield one
 
 
@@ -201,14 +211,16 @@ def _listed_files(folder: Path) -> list[Path]:
         about = data["rosbag2_bagfile_information"]
         files = [folder / str(name) for name in about["relative_file_paths"]]
         mode = str(about.get("compression_mode", ""))
-        inside = [file.resolve().parent == folder.resolve() for file in files]
+        places = [file.resolve() for file in files]
     except (AttributeError, KeyError, TypeError, ValueError):
         raise InputError("is damaged or not a bag: metadata.yaml does not list its files") from None
     if mode.upper() == "FILE":  # it would be unpacked whole, however large it is
         raise InputError("its files are compressed as a whole; unpack them first: zstd -d FILE")
     if not files:
         raise InputError("holds nothing: metadata.yaml lists no files")
-    if not all(inside):
+    if len(set(places)) < len(places):
+        raise InputError("is refused: metadata.yaml lists a file twice")
+    if any(place.parent != folder.resolve() for place in places):
         raise InputError("is refused: metadata.yaml names a file outside of the bag's folder")
     return files
 
@@ -231,15 +243,14 @@ def _unlz4(data: Bytes, size: int) -> bytes:
     return unpacked
 
 
-def _unzstd(data: Bytes, size: int) -> bytes:
+def _unzstd(data: Bytes, size: int) -> bytearray:
     from zstandard import ZstdDecompressor
 
     reader = ZstdDecompressor().stream_reader(data, read_across_frames=True)
-    pieces, left = [], size + 1
-    while left > 0 and (piece := reader.read(min(left, 1 << 20))):  # read(n) allocates n bytes
-        pieces.append(piece)
-        left -= len(piece)
-    return b"".join(pieces)
+    found = bytearray()  # grows: read(n) would allocate n bytes
+    while len(found) <= size and (piece := reader.read(min(size + 1 - len(found), 1 << 20))):
+        found += piece
+    return found
 
 
 # Each unpacks at most one byte more than the size.
@@ -273,9 +284,7 @@ class _Unpacker:
             )
         if size > _LARGEST_CHUNK:
             raise InputError(_too_large("a chunk", _LARGEST_CHUNK))
-        self._left -= size
-        if self._left < 0:
-            raise InputError(f"is refused: it unpacks to more than {_RATIO:,} times its size")
+        self.spend(size)
         try:
             unpacked = _UNPACK[compression](data, size)
         except ImportError:
@@ -283,6 +292,18 @@ class _Unpacker:
         if len(unpacked) != size:
             raise InputError(f"{_CUT}: a chunk is not as large as it is said to be")
         return memoryview(unpacked)
+
+    def spend(self, size: int) -> None:
+        """Count what is unpacked.
+
+        Raises
+        ------
+        InputError
+            It is too much for a file of this size.
+        """
+        self._left -= size
+        if self._left < 0:
+            raise InputError(f"is refused: it unpacks to more than {_RATIO:,} times its size")
 
 
 class _File:
@@ -348,10 +369,11 @@ def _records(file: _File, start: int, end: int) -> Iterator[tuple[int, int]]:
         start += 9 + size
 
 
-def _inner_records(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+def _inner_records(data: memoryview, unpack: _Unpacker) -> Iterator[tuple[int, memoryview]]:
     """Yield the records of a chunk."""
     at = 0
     while at < len(data):
+        unpack.spend(_RECORD)
         kind, size = struct.unpack_from("<BQ", data, at)
         at += 9
         if size > len(data) - at:
@@ -436,7 +458,7 @@ class _Mcap:
                 chunk = unpack(file.read(packed), compression, unpacked)
                 if checksum and crc32(chunk) != checksum:
                     raise InputError("is damaged: the checksum of a chunk is wrong")
-                yield from (one for one in _inner_records(chunk) if one[0] in kinds)
+                yield from (one for one in _inner_records(chunk, unpack) if one[0] in kinds)
 
 
 # ---- ROS 1 -----------------------------------------------------------------------------------
@@ -502,7 +524,7 @@ class _Ros1:
                     raise InputError(_too_large("a chunk", _LARGEST_CHUNK))
                 compression = fields.get(b"compression", b"none").decode(errors="replace")
                 chunk = unpack(file.read(size), compression, _number(fields, b"size"))
-                for inner, data in cls._inner(chunk):
+                for inner, data in cls._inner(chunk, unpack):
                     number = _number(inner, b"conn")
                     if number in known:
                         seconds, rest = struct.unpack("<II", inner[b"time"])
@@ -537,10 +559,13 @@ class _Ros1:
             start += 8 + size + data
 
     @staticmethod
-    def _inner(chunk: memoryview) -> Iterator[tuple[dict[bytes, bytes], memoryview]]:
+    def _inner(
+        chunk: memoryview, unpack: _Unpacker
+    ) -> Iterator[tuple[dict[bytes, bytes], memoryview]]:
         """Yield the messages of a chunk."""
         at = 0
         while at < len(chunk):
+            unpack.spend(_RECORD_1)
             (size,) = struct.unpack_from("<I", chunk, at)
             (length,) = struct.unpack_from("<I", chunk, at + 4 + size)
             fields = _header(chunk[at + 4 : at + 4 + size])

@@ -44,7 +44,6 @@ _UNITS = {
     **dict.fromkeys(("°/s", "degrees/s"), "deg/s"),
 }
 _NO_UNITS = frozenset({"", "-", "1"})
-_UNIT = re.compile(r"(?P<name>.*\S)\s*[\[(]\s*(?P<unit>[^\[\]()]*?)\s*[\])]")
 _SLICE = re.compile(r"\[:\]\{[^{}]*==\s*\\?[\"'](?P<name>[^{}\"'\\]+)\\?[\"']\s*\}")
 _COMMAS = re.compile(
     r'(?:^|[;\t"])[ ]*[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?[ ]*(?:$|[;\t"])', re.M
@@ -338,10 +337,12 @@ class Table(NamedTuple):
 def _usual(cell: str) -> str:
     """Return the name of a column with its unit in brackets; what Foxglove selects, as a path."""
     cell = _SLICE.sub(r".\g<name>", cell)
-    found = _UNIT.fullmatch(cell)
-    if found is None or found["unit"] not in _UNITS:
-        return cell
-    return f"{found['name']} [{_UNITS[found['unit']]}]"
+    for opened, closed in ("[]", "()"):
+        name, mark, unit = cell.removesuffix(closed).rpartition(opened)
+        unit = unit.strip()
+        if mark and cell.endswith(closed) and unit in _UNITS and name.strip():
+            return f"{name.strip()} [{_UNITS[unit]}]"
+    return cell
 
 
 def _units_in(cells: list[str]) -> list[str]:

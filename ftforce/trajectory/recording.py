@@ -54,7 +54,6 @@ _DATE = re.compile(
     re.ASCII,
 )
 _1970 = datetime(1970, 1, 1, tzinfo=UTC)
-_QUALIFIED = re.compile(r"\s*\([a-z ]+\)", re.IGNORECASE)  # timestamp (receive)
 _PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanoseconds"))
 _TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
@@ -515,7 +514,7 @@ def _time_columns(header: tuple[str, ...], joints: Mapping[str, object]) -> _Tim
         name, unit = split_unit(cell)
         if cell in joints or name in joints:
             continue
-        word = _QUALIFIED.sub("", re.split(r"[/.]", name)[-1]).lower()
+        word = re.split(r"[/.]", name.partition("(")[0].rstrip())[-1].lower()  # time (receive)
         if found := _WITH_UNIT.fullmatch(word):
             word, unit = found["word"], unit or found["unit"]
         candidates.setdefault(word, []).append((i, name, unit))
