@@ -161,8 +161,8 @@ def postures_from_file(
 ) -> FilePostures:
     """Open a file of postures, which may be larger than memory unless it is a bag.
 
-    CSV files (with a header) and Parquet files have one named column per joint, in any order;
-    other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
+    CSV files and Parquet files have one named column per joint, in any order, or columns in another
+    form of ``ftforce.io.joint_columns``; other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
     NPY file holds an array of shape (k, n). Postures outside the joint limits are kept.
 
     Parameters
@@ -170,7 +170,8 @@ def postures_from_file(
     robot :
         The arm.
     path :
-        The file, with extension ``.npy``, ``.csv``, ``.parquet``, ``.mcap``, ``.db3`` or ``.bag``.
+        The file, with extension ``.npy``, ``.csv``, ``.parquet``, ``.mcap``, ``.db3`` or ``.bag``,
+        or the folder of a bag.
     degrees :
         Whether angles without a unit are in degrees; those of a bag never are.
     topic :
