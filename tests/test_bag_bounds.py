@@ -267,11 +267,15 @@ def test_a_database_without_definitions(tmp_path):
             "it has no tables of topics and messages",
         ),
         (
+            (TOPICS, TOPIC, "create virtual table messages using fts5(topic_id, timestamp, data)"),
+            "it has no tables of topics and messages",
+        ),
+        (
             (TOPICS, TOPIC, COMPUTED, "insert into messages values(1, 1, 1)"),
             "is refused: it computes what it holds",
         ),
     ],
-    ids=["topics", "blob", "text", "view", "computed"],
+    ids=["topics", "blob", "text", "view", "virtual", "computed"],
 )  # fmt: skip
 def test_databases_that_are_refused(tmp_path, commands, problem, monkeypatch):
     monkeypatch.setattr(bag_files, "LARGEST_MESSAGE", 1_000_000)

@@ -145,8 +145,8 @@ class Recording:
         ``v_elbow [rad/s]``; the defaults are s, rad and m. The times are called ``t``, ``time``,
         ``timestamp``, ``stamp`` or ``__time``; without a unit, counts since 1970 in ns, us or ms
         are recognised, and dates of ISO 8601. A sample that repeats the time and positions of the
-        one before is left out. Velocities are columns ``v_…``. Other names of joint columns are those of
-        ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
+        one before is left out. Velocities are columns ``v_…``. Other names of joint columns are
+        those of ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
 
         Parameters
         ----------
@@ -163,7 +163,8 @@ class Recording:
         ------
         TrajectoryError
             The file cannot be read; a column is missing; a cell is empty or not a number; times do
-            not increase, are repeated with other positions, or leave a gap; an angle jumps by a turn that its limits do not allow.
+            not increase, are repeated with other positions, or leave a gap; an angle jumps by a
+            turn that its limits do not allow.
         """
         if is_bag(path):
             return _from_bag(robot, path, max_gap, topic)

@@ -162,8 +162,9 @@ def postures_from_file(
     """Open a file of postures, which may be larger than memory unless it is a bag.
 
     CSV files and Parquet files have one named column per joint, in any order, or columns in another
-    form of ``ftforce.io.joint_columns``; other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
-    NPY file holds an array of shape (k, n). Postures outside the joint limits are kept.
+    form of ``ftforce.io.joint_columns``; other columns are ignored. A column name may end with a
+    unit in brackets, ``elbow [deg]``. An NPY file holds an array of shape (k, n). Postures outside
+    the joint limits are kept.
 
     Parameters
     ----------
