@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shlex
 import threading
@@ -149,6 +150,8 @@ def test_every_control_changes_what_it_says(session):
     state = session.state
     assert state.q[2] == pytest.approx(math.radians(-12.5))
     assert (state.weighs, state.payload.mass, state.force.tolist()) == (False, 2.0, [1.0, 3.0])
+    put(session, joint_friction=True, armature=True)
+    assert (session.state.joint_friction, session.state.armature) == (True, True)
     put(session, task="wrench", length=0.5, moment=(4.0, 5.0, 6.0))
     assert session.state.task.length == 0.5
     assert session.state.force.tolist() == [1, 2, 3, 4, 5, 6]
@@ -180,6 +183,21 @@ def test_controls_follow_the_question(session, dh5):
     session.settle()
     assert command_line(dh5, session.state) == "ftforce analyze dh5 --force=80.0,50.0,10.0"
     assert handle("q0").value == 10.0
+
+
+def test_switches_of_the_drives_are_shown_where_they_count(session):
+    handle = session.panel.handle
+
+    def shown(**changes):
+        session.change(lambda state: dataclasses.replace(state, **changes))
+        session.settle()
+        return handle("joint_friction").visible, handle("armature").visible
+
+    assert shown() == (False, False)
+    assert shown(acceleration=np.ones(5)) == (False, True)
+    assert shown(acceleration=None, inverse="dynamic") == (False, True)
+    assert shown(velocity=np.ones(5)) == (True, True)
+    assert shown(velocity=None, inverse="euclidean", joint_friction=True) == (True, False)
 
 
 def test_a_posture_is_named_until_a_slider_moves_it(session):

@@ -106,6 +106,32 @@ def test_limits_of_a_file_are_named_in_the_command(panda, tmp_path):
     assert state.limited(False).limited(True).question(panda).limits is state.limits
 
 
+DRIVES = """joint,effort,stall_torque,no_load_speed,friction,damping,armature
+2,40,60,2,1.5,0.5,0.3
+panda_joint4,20,25,1,0.5,,0.1
+"""
+
+
+@pytest.mark.parametrize(("rubs", "rotors"), [(True, False), (False, True), (True, True)])
+def test_drives_count_as_on_the_command_line(panda, tmp_path, rubs, rotors):
+    path = tmp_path / "motors.csv"
+    path.write_text(DRIVES)
+    moving = {"velocity": [0.0, 1.0, 0, 0.5, 0, 0.2, 0], "acceleration": [0.1, 2.0] + [0.0] * 5}
+    plain = asked(panda, limits=path, locked=[6], **moving)
+    state = plain.rubbing(rubs).with_rotors(rotors)
+    command = command_line(panda, state)
+    assert ("--joint-friction" in command, "--armature" in command) == (rubs, rotors)
+    assert_same_by_command(panda, state)
+    found, bare = (answer(panda, one).loads for one in (state, plain))
+    # Joint 2: Coulomb 1.5 N·m, viscous 0.5 N·m·s and rotor 0.3 kg·m² at 1 rad/s and 2 rad/s².
+    assert found[1].before - bare[1].before == pytest.approx(2.0 * rubs + 0.6 * rotors)
+    assert found[1].limit == (30.0 if found[1].after > 0.0 else 40.0)  # half of the stall torque
+    started = asked(panda, limits=path, locked=[6], joint_friction=rubs, armature=rotors, **moving)
+    assert command_line(panda, started) == command
+    # Without the limits, the drives are those of the URDF, which knows only their friction.
+    assert_same_by_command(panda, state.limited(False))
+
+
 def test_joints_called_by_numbers_are_named_so_that_the_right_one_fails(tmp_path):
     text = arm(j2=joint("3", "l1", "l2"), j3=joint("two", "l2", "l3"))
     path = tmp_path / "arm.urdf"
@@ -210,6 +236,8 @@ def test_the_census_depends_on_what_it_says(panda):
         state.asking("fx", "tool"),
         state.asking("force", "world"),
         state.carrying(Payload.of(1.0)),
+        state.rubbing(True),
+        state.with_rotors(True),
         state.showing(census=2),
         state.loaded("every direction"),
     ):
