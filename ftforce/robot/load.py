@@ -256,7 +256,7 @@ def _description(
     beside = srdf_beside(Path(tree.path))
     if os.path.lexists(beside):
         return tree, read_srdf(beside), ()
-    found, note = find_moveit(Path(tree.path), tree.name)
+    found, note = find_moveit(Path(tree.path), tree.name, beside)
     return tree, found, (note,) if note else ()
 
 
