@@ -101,6 +101,34 @@ def test_meshes_of_packages_are_found(workspace, xacro):
     assert again.description().find("link").get("name") == "base"
 
 
+def test_what_xacro_warns_of_is_a_note_and_not_printed(workspace, xacro, capfd):
+    macro = 'params="parent child z"'
+    segment = workspace / "segments/urdf/segment.xacro"
+    segment.write_text(SEGMENT.replace(macro, 'params="parent child z len=1"'))  # a function
+    found = load_robot(xacro, package_path=workspace)
+    assert capfd.readouterr() == ("", "")
+    assert found.notes == ("xacro warns: redefining global symbol: len",)  # not once per use
+
+
+def test_arguments_that_nothing_uses_are_told(workspace, xacro):
+    def notes(**args):
+        return load_robot(xacro, args=args, package_path=workspace).notes
+
+    assert notes(length=1) == ()
+    assert notes(lenght=1) == ("--arg (args=) lenght is not known to the file, only length",)
+    # Also what an included file declares, or only uses, is known.
+    limits = workspace / "segments/urdf/limits.xacro"
+    effort = f'{HEAD}<xacro:property name="effort" value="$(arg effort)"/></robot>'
+    limits.write_text(effort)
+    assert (
+        load_robot(xacro, args={"effort": 3}, package_path=workspace).effort.tolist() == [3.0] * 3
+    )
+    assert notes(effort=3) == ()
+    declared = effort.replace("<xacro:p", '<xacro:arg default="2"\nname="effort"/><xacro:p')
+    limits.write_text(declared)
+    assert notes(efort=3) == ("--arg (args=) efort is not known to the file, only length, effort",)
+
+
 def test_an_srdf_beside_it_is_read(workspace, xacro):
     chain = '<group name="arm"><chain base_link="base" tip_link="l2"/></group>'
     xacro.with_name("arm.srdf").write_text(f'<robot name="arm">{chain}</robot>')

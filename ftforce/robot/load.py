@@ -268,7 +268,7 @@ def _given_srdf(path: str | os.PathLike[str], tree: UrdfTree, options: XacroOpti
     SRDFError
         It cannot be read, or has nothing in common with the URDF.
     """
-    srdf = srdf_of(expand(path, options), path) if is_xacro(path) else read_srdf(path)
+    srdf = srdf_of(expand(path, options).root, path) if is_xacro(path) else read_srdf(path)
     if not srdf.fits(tree):
         robot = f"robot {srdf.name!r}" if srdf.name else "another robot"
         raise SRDFError(path, f"is for {robot}: none of its links and joints are in {tree.path}")

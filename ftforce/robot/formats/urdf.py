@@ -147,7 +147,8 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
 def _converted(path: str | PathLike[str], options: XacroOptions) -> Converted:
     """Return the URDF of a file of any format."""
     if is_xacro(path):
-        return Converted(_checked_root(expand(path, options), path))
+        root, notes = expand(path, options)
+        return Converted(_checked_root(root, path), notes)
     if is_dh_table(path):
         _refuse_options(path, options)
         from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF
