@@ -110,23 +110,25 @@ def test_what_xacro_warns_of_is_a_note_and_not_printed(workspace, xacro, capfd):
     assert found.notes == ("xacro warns: redefining global symbol: len",)  # not once per use
 
 
-def test_arguments_that_nothing_uses_are_told(workspace, xacro):
-    def notes(**args):
-        return load_robot(xacro, args=args, package_path=workspace).notes
+def test_arguments_that_nothing_uses_are_refused(workspace, xacro):
+    def loaded(**args):
+        return load_robot(xacro, args=args, package_path=workspace)
 
-    assert notes(length=1) == ()
-    assert notes(lenght=1) == ("--arg (args=) lenght is not known to the file, only length",)
+    with pytest.raises(InputError, match="xacro has no argument 'lenght', only length$"):
+        loaded(lenght=1)
     # Also what an included file declares, or only uses, is known.
     limits = workspace / "segments/urdf/limits.xacro"
     effort = f'{HEAD}<xacro:property name="effort" value="$(arg effort)"/></robot>'
     limits.write_text(effort)
-    assert (
-        load_robot(xacro, args={"effort": 3}, package_path=workspace).effort.tolist() == [3.0] * 3
-    )
-    assert notes(effort=3) == ()
-    declared = effort.replace("<xacro:p", '<xacro:arg default="2"\nname="effort"/><xacro:p')
-    limits.write_text(declared)
-    assert notes(efort=3) == ("--arg (args=) efort is not known to the file, only length, effort",)
+    assert loaded(effort=3).effort.tolist() == [3.0] * 3
+    limits.write_text(effort.replace("<xacro:p", '<xacro:arg default="2"\nname="effort"/><xacro:p'))
+    with pytest.raises(InputError, match="has no argument 'efort', only length, effort$"):
+        loaded(efort=3)
+    # Values that are for an SRDF, too.
+    srdf = xacro.with_name("other.srdf.xacro")
+    srdf.write_text(f"{HEAD}<group_state name='$(arg state)'/></robot>")
+    args = {"length": 0.7, "state": "home"}
+    assert load_robot(xacro, args=args, package_path=workspace, srdf=srdf).n == 3
 
 
 def test_an_srdf_beside_it_is_read(workspace, xacro):

@@ -106,6 +106,8 @@ def load_robot(
     options = XacroOptions.of(args, package_path)
     if known is not None and options != PLAIN:
         raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
+    if srdf is not None and is_xacro(srdf) and is_xacro(source):
+        options = options._replace(are_shared=True)
     tree, semantics, notes = _description(source, known, options, srdf)
     read = partial(robot_element, tree.path, options)
     return _robot(_Source(tree, semantics, known, read, notes), tip, base, posture)

@@ -46,10 +46,13 @@ class XacroOptions(NamedTuple):
         Values of its ``<xacro:arg>``, with their names.
     packages :
         Folders in which, and below which, ``$(find package)`` looks for packages.
+    are_shared :
+        Whether the values are for another file, too, so that some may be unknown.
     """
 
     args: tuple[tuple[str, str], ...] = ()
     packages: tuple[Path, ...] = ()
+    are_shared: bool = False
 
     @classmethod
     def of(
@@ -108,10 +111,7 @@ def is_xacro(path: str | PathLike[str]) -> bool:
 
 
 def expand(path: str | PathLike[str], options: XacroOptions) -> XmlFile:
-    """Return the root element of the URDF that a xacro file describes, and remarks.
-
-    Remarks are what xacro itself warns of, and arguments that the file does not have: xacro ignores
-    them.
+    """Return the root element of the URDF that a xacro file describes, and what xacro warns of.
 
     Packages are looked for in the given folders, then among the parent folders of the file, then
     where ROS has them; by their package.xml, or else by the name of the folder.
@@ -127,6 +127,8 @@ def expand(path: str | PathLike[str], options: XacroOptions) -> XmlFile:
     ------
     URDFError
         xacrodoc is not installed, or xacro cannot expand the file.
+    InputError
+        The file has no argument of a given name: xacro itself would ignore the value.
     """
     try:
         from xacrodoc import packages
@@ -144,14 +146,14 @@ def expand(path: str | PathLike[str], options: XacroOptions) -> XmlFile:
             found = _expanded(text, path, options)
             _find_meshes(found.dom, packages.get_path)
             expanded = found.dom.toxml()
-            notes = (*_unknown_arguments(text, options), *_warnings(printed.text()))
-        except MemoryError:
-            raise  # the machine's, not a flaw of the file
+            _check_arguments(text, path, options)
+        except (MemoryError, InputError):
+            raise  # the machine's or the caller's, not a flaw of the file
         except Exception as problem:  # whatever a program may raise
             raise URDFError(path, _reason(problem, options)) from None
         finally:
             packages._finder = before  # what others who use xacrodoc have set
-    return XmlFile(parse_xml(expanded, path, URDFError), notes)
+    return XmlFile(parse_xml(expanded, path, URDFError), tuple(_warnings(printed.text())))
 
 
 class _OfThisThread(TextIOBase):
@@ -178,11 +180,17 @@ def _warnings(printed: str) -> Iterator[str]:
         yield f"xacro warns: {printable('; '.join([*found][:_MOST_WARNINGS]))}"
 
 
-def _unknown_arguments(text: str, options: XacroOptions) -> Iterator[str]:
-    """Yield a note on arguments that neither the file nor what it includes has."""
+def _check_arguments(text: str, path: str | PathLike[str], options: XacroOptions) -> None:
+    """Check that the file, or one that it includes, has the arguments that are given.
+
+    Raises
+    ------
+    InputError
+        It has none of that name.
+    """
     import xacro
 
-    if not options.args:
+    if not options.args or options.are_shared:
         return
     texts = [text]
     for file in dict.fromkeys(xacro.all_includes):
@@ -192,10 +200,10 @@ def _unknown_arguments(text: str, options: XacroOptions) -> Iterator[str]:
         dict.fromkeys(name for one in texts for name in re.findall(pattern, one))
         for pattern in (_DECLARED, _USED)
     )
-    unknown = [name for name, _ in options.args if name not in {*declared, *used}]
-    if unknown:
-        has = f"only {listed(map(printable, declared))}" if declared else "as it has no arguments"
-        yield f"--arg (args=) {listed(map(printable, unknown))} is not known to the file, {has}"
+    for name, _ in options.args:
+        if name not in {*declared, *used}:
+            has = f"only {listed(map(printable, declared))}" if declared else "nor any other"
+            raise InputError(f"{printable(path)} has no argument {printable(repr(name))}, {has}")
 
 
 def _expanded(text: str, path: str | PathLike[str], options: XacroOptions) -> XacroDoc:
