@@ -114,7 +114,7 @@ def test_arguments_that_nothing_uses_are_refused(workspace, xacro):
     def loaded(**args):
         return load_robot(xacro, args=args, package_path=workspace)
 
-    with pytest.raises(InputError, match="xacro has no argument 'lenght', only length$"):
+    with pytest.raises(InputError, match=r"xacro has no argument 'lenght', only length$"):
         loaded(lenght=1)
     # Also what an included file declares, or only uses, is known.
     limits = workspace / "segments/urdf/limits.xacro"
@@ -122,7 +122,7 @@ def test_arguments_that_nothing_uses_are_refused(workspace, xacro):
     limits.write_text(effort)
     assert loaded(effort=3).effort.tolist() == [3.0] * 3
     limits.write_text(effort.replace("<xacro:p", '<xacro:arg default="2"\nname="effort"/><xacro:p'))
-    with pytest.raises(InputError, match="has no argument 'efort', only length, effort$"):
+    with pytest.raises(InputError, match=r"has no argument 'efort', only length, effort$"):
         loaded(efort=3)
     # Values that are for an SRDF, too.
     srdf = xacro.with_name("other.srdf.xacro")
