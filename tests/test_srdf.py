@@ -206,6 +206,22 @@ def test_of_several_none_is_read(workspace):
     assert tuple(load_robot(urdf, srdf=config / "arm_2.srdf").postures) == ("home",)
 
 
+def test_an_srdf_that_names_nothing_of_the_urdf_is_told_and_not_read(workspace):
+    urdf, configured = workspace
+    config = configured("src/arm_ros", SRDF) / "config"
+    prefixed = arm()
+    for name in ("base", "tool", "l1", "l2", "l3", "j1", "j2", "j3", *HOME):
+        prefixed = prefixed.replace(f'"{name}"', f'"left_{name}"')
+    urdf.write_text(prefixed, encoding="utf-8")
+    found = load_robot(urdf)
+    assert (found.tip, dict(found.postures)) == ("left_tool", {})
+    path = min(str(config / "arm.srdf"), os.path.relpath(config / "arm.srdf"), key=len)
+    assert found.notes[0] == f"{path} is not read: none of its links and joints are in the URDF"
+    fitting = SRDF.replace('"l3"', '"left_l3"')  # beside one that fits it does not count
+    (config / "left.srdf").write_text(fitting, encoding="utf-8")
+    assert load_robot(urdf).tip == "left_l3"
+
+
 def test_nothing_is_searched_outside_a_package(workspace, tmp_path):
     urdf, configured = workspace
     configured("src/arm_ros", SRDF)

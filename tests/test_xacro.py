@@ -148,6 +148,10 @@ REFUSED = {
         r"cannot be expanded by xacro: No such file or directory",
     ),
     "XML": ({"arm": ARM[:-9]}, "cannot be expanded by xacro: .*line"),
+    "macros only": (
+        {"arm": SEGMENT.replace('<xacro:include filename="limits.xacro"/>', "")},
+        "expands to no <link>: it may only define macros; give the file that uses",
+    ),
     "no robot": ({"arm": "<sdf/>"}, "is not a URDF: its root element is <sdf>"),
     "DTD": (
         {"arm": f'<!DOCTYPE a [<!ENTITY b "c">]>{ARM}', "packages": True},

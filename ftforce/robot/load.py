@@ -258,7 +258,7 @@ def _description(
     beside = srdf_beside(Path(tree.path))
     if os.path.lexists(beside):
         return tree, read_srdf(beside), ()
-    found, note = find_moveit(Path(tree.path), tree.name, beside)
+    found, note = find_moveit(tree, beside)
     return tree, found, (note,) if note else ()
 
 

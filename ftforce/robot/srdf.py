@@ -107,7 +107,7 @@ def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
     )
 
 
-def find_moveit(description: Path, robot: str, beside: Path) -> tuple[Srdf, str]:
+def find_moveit(tree: UrdfTree, beside: Path) -> tuple[Srdf, str]:
     """Return the SRDF in the MoveIt configuration of a robot, and a note about what was found.
 
     It is looked for where MoveIt's setup assistant puts it, ``*moveit*config*/config/*.srdf``: in
@@ -119,17 +119,21 @@ def find_moveit(description: Path, robot: str, beside: Path) -> tuple[Srdf, str]
 
     Parameters
     ----------
-    description :
-        The URDF or xacro file.
-    robot :
-        Name of the robot in it.
+    tree :
+        Contents of the URDF or xacro file.
     beside :
         Path of an SRDF beside it, where there is none.
     """
+    robot = tree.name
     programs = [program] if os.path.lexists(program := f"{beside}.xacro") else []
-    for folder in _around(description):
+    for folder in _around(Path(tree.path)):
         files = list(_files(folder))
         found = list(_srdfs_for(robot, files))
+        strange = [one for one in found if not one.fits(tree)]  # e.g. without a prefix
+        if strange and len(strange) == len(found):
+            path = printable(_short(found[0].path))
+            return Srdf(), f"{path} is not read: none of its links and joints are in the URDF"
+        found = [one for one in found if one not in strange]
         paths = [_short(one.path) for one in found]
         if len(found) == 1:
             note = f"tip and postures are those of {printable(paths[0])}; {_CHOOSE} another SRDF"
