@@ -6,6 +6,7 @@ import json
 import shlex
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
@@ -140,6 +141,16 @@ def test_joints_called_by_numbers_are_named_so_that_the_right_one_fails(tmp_path
     state = asked(robot, str(path)).failing(2, "locked")
     assert "--locked=two" in command_line(robot, state)
     assert_same_by_command(robot, state)
+
+
+def test_the_command_of_a_pinocchio_model_names_a_file_and_not_a_known_robot():
+    model = pin.buildSampleModelManipulator()
+    model.name = "panda"
+    robot = ftforce.Robot.from_model(model, tip="wrist2_body")
+    state = initial_state(robot)
+    assert command_line(robot, state).startswith("ftforce analyze panda.urdf --force=")
+    assert command_line(robot, state).endswith(" --tip=wrist2_body")
+    assert "needs a file of the same arm" in state.origin.note
 
 
 def test_the_posture_of_the_start_is_named_until_it_changes(panda):

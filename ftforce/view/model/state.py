@@ -428,7 +428,7 @@ def _origin_of(robot: Robot) -> Origin:
     if robot.path:
         return Origin(robot.path)
     note = "The arm is made of a Pinocchio model; the command needs a file of the same arm."
-    return Origin(robot.name, note=note)
+    return Origin(f"{robot.name}.urdf", tip=robot.tip, note=note)  # not a known robot's name
 
 
 def command_line(robot: Robot, state: State) -> str:
