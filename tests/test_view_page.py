@@ -10,6 +10,7 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from markupsafe import Markup
 from typer.testing import CliRunner
@@ -26,7 +27,7 @@ from ftforce.view.model.answer import answer
 from ftforce.view.model.state import Origin, command_line
 from ftforce.view.modes import Mode, View
 from ftforce.view.scene.picture import picture, rotation, scene_size
-from ftforce.view.session import Session
+from ftforce.view.session import Session, open_page
 from helpers import KNOWN, assert_close, initial_state
 from urdfs import arm, joint
 
@@ -183,6 +184,21 @@ def test_controls_follow_the_question(session, dh5):
     session.settle()
     assert command_line(dh5, session.state) == "ftforce analyze dh5 --force=80.0,50.0,10.0"
     assert handle("q0").value == 10.0
+
+
+def test_the_page_of_an_analysis_has_its_question_and_geometry(dh5):
+    model = pin.buildSampleModelManipulator()
+    robot = ftforce.Robot.from_model(model, tip="effector_body")
+    result = ftforce.analyze(robot, q=[0.1, 0.4, 0.2, 0.8, 0.3, 0.5], locked=[2], force=[10, 0, 5])
+    with open_page(result) as page:
+        shown = page.answer.analysis
+        np.testing.assert_array_equal(shown.force.after, result.force.after)
+        np.testing.assert_array_equal(shown.torque.total_after, result.torque.total_after)
+        assert page.state.is_limited is None  # no limits were given
+        assert page.panel.notes == ("the robot has no visual geometry: links are shown as rods",)
+    with open_page(ftforce.analyze(dh5, locked=[1], limits="urdf")) as page:
+        assert page.state.is_limited
+        assert page.state.force.tolist() == [20.0] * 3
 
 
 def test_switches_of_the_drives_are_shown_where_they_count(session):
