@@ -193,6 +193,12 @@ def test_markdown_is_a_table_of_pipes():
     assert body[-1] == "robot a\\|b"
 
 
+def test_rounding_errors_are_zero_in_tables_for_people():
+    rows = [("joint", "a", "b", "c", "d"), ("j", -2.9e-19, 1e-9, -0.0, 12)]
+    assert to_markdown(rows, []).splitlines()[2] == "| j | 0 | 1e-09 | 0 | 12 |"
+    assert r"{j} & 0 & 1e-09 & 0 & 12 \\" in to_latex(rows, [])
+
+
 def test_the_table_of_a_census_leaves_the_settings_to_the_line_below(results):
     text = to_text(results["census"], "md")
     head, *_, last = text.splitlines()

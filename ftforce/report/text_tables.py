@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from ftforce.report.fields import Row
 
+_ROUNDING = 1e-12  # in the unit of a column
 _DIGITS = 4  # significant ones; all of them are in .csv, .json and .xlsx
 _UNITS = {
     "N·m": r"\newton\metre", "N": r"\newton", "m": r"\metre", "rad": r"\radian", "kg": r"\kilogram",
@@ -120,7 +121,10 @@ def _is_numeric(cells: Any) -> bool:
 
 
 def _rounded(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.{_DIGITS}g}"
+    """Return a number as text; one that is nothing but rounding error is 0."""
+    if isinstance(value, int):
+        return str(value)
+    return "0" if abs(value) <= _ROUNDING else f"{value:.{_DIGITS}g}"
 
 
 def _joined(cells: Any) -> str:
