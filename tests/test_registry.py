@@ -15,7 +15,7 @@ from urdfs import arm, write
 
 WANTED = {
     "panda", "ur5", "ur10", "ur3", "xarm7", "kinova", "z1", "talos_left_arm", "baxter_left",
-    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5", "canadarm2",
+    "baxter_right", "tiago", "pr2_left", "pr2_right", "so100", "so101", "dh5", "canadarm2",
     "ur3e", "ur5e", "ur10e", "ur16e", "iiwa14", "fr3", "gen3", "xarm6", "sawyer",
 }  # fmt: skip
 KEYS = {"about", "urdf", "srdf", "bundled", "tip", "base", "posture", "postures", "corrections",
