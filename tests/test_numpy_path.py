@@ -192,7 +192,7 @@ def test_a_fresh_installation_does_not_even_import_the_compiler(tmp_path):
 
 
 def test_a_large_sweep_says_what_it_waits_for(dh5, cold, monkeypatch, capsys):
-    monkeypatch.setattr(compiled, "PATIENCE", 0.0)
+    monkeypatch.setattr(compiled, "MOST_NUMPY_SECONDS", 0.0)
     monkeypatch.setattr(compiled, "load_kernels", lambda _: None)
     monkeypatch.setattr(compiled, "_recorded", lambda: {("other key", "three"): 31.4})
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)

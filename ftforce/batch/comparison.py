@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.batch.arm_report import ArmReport, arm_report, capability_of
-from ftforce.batch.compiled import compile_kernels, prepared
+from ftforce.batch.compiled import compile_kernels, with_faster_evaluator
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.result import Sweep, SweepSetting
@@ -542,7 +542,7 @@ def healthy_capability(
         return None
     plan = Plan.of(replace(question, force=None), (HEALTHY,), needs_gravity=True)
     job = Job(plan, postures, Bins(direction=True), _ANYWHERE, "summary", 4 * PIECE)
-    job = sparing(prepared(job))
+    job = sparing(with_faster_evaluator(job))
     compile_kernels(job)
     summary = job.empty_summary()
     with ThreadPoolExecutor(threads) as pool:

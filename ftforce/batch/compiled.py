@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from ftforce.batch.plan import Plan
 
 CAPABILITY, ACCURATE = "-capability", "-accurate"
-PATIENCE = 4.0
+MOST_NUMPY_SECONDS = 4.0
 """Time, s, that an evaluation with NumPy may take before compiling the kernels is worthwhile."""
-_TOTAL_PATIENCE = 15.0  # s, of all questions of a kind in a process
+_MOST_NUMPY_SECONDS_IN_ALL = 15.0  # s, of all questions of a kind in a process
 _USUAL_SECONDS = 15.0  # of compilation, where it is not known
 _TRIED = (16, 512)  # postures whose evaluation by NumPy is timed: a few, and then some more
 _SPARE = 10_000
 """Postures that NumPy settles, about 2 s, before the accurate kernels are compiled, about 6 s."""
-_WARM_UP = 4096  # postures, so many that some are left to the accurate kernels
+ENOUGH_POSTURES = 4096  # postures, so many that some are left to the accurate kernels
 _RECORD = "ftforce-kernels.{key}.{kind}.txt"  # holds the time that compilation took, s
 _KERNELS = Path(__file__).parent / "kernels"
 
@@ -105,7 +105,7 @@ def _is_ready(kind: str) -> bool:
     return is_interpreted or kind in _ready or (_key(), kind) in _recorded()
 
 
-def prepared(job: Job) -> Job:
+def with_faster_evaluator(job: Job) -> Job:
     """Return a job that evaluates its postures with NumPy if that is faster than compiling.
 
     Parameters
@@ -117,7 +117,7 @@ def prepared(job: Job) -> Job:
         return job
     numpy_job, kind = replace(job, uses_numpy=True), kind_of(job.plan)
     seconds = _numpy_seconds(numpy_job)
-    if seconds > PATIENCE or seconds + _spent[kind] > _TOTAL_PATIENCE:
+    if seconds > MOST_NUMPY_SECONDS or seconds + _spent[kind] > _MOST_NUMPY_SECONDS_IN_ALL:
         return job
     _spent[kind] += seconds
     return numpy_job
@@ -178,7 +178,7 @@ def load_kernels(job: Job) -> None:
     """
     kind, start = _needed(job), time.monotonic()
     was_ready = is_ready(job.plan, kind)
-    q = job.postures.block(0, min(_WARM_UP, job.postures.count))
+    q = job.postures.block(0, min(ENOUGH_POSTURES, job.postures.count))
     job.empty_summary().add(job.evaluator(q), 0)
     if not was_ready:
         _record(kind, time.monotonic() - start)
@@ -222,7 +222,7 @@ def _numpy_seconds(job: Job) -> float:
         start = time.perf_counter()
         job.evaluator(q)
         seconds = (time.perf_counter() - start) * count / len(q)
-        if seconds > 10.0 * PATIENCE:  # more than what a call costs explains
+        if seconds > 10.0 * MOST_NUMPY_SECONDS:  # more than what a call costs explains
             break
     return seconds
 

@@ -16,7 +16,7 @@ from ftforce.__version__ import __version__
 from ftforce.analysis.limits_files import URDF
 from ftforce.analysis.question import HEALTHY, AllFaultSets, Question, check_progress
 from ftforce.analysis.warnings import implausible
-from ftforce.batch.compiled import prepared
+from ftforce.batch.compiled import with_faster_evaluator
 from ftforce.batch.job import PIECE, Job
 from ftforce.batch.plan import Plan
 from ftforce.batch.postures.drawn import Drawn
@@ -475,7 +475,7 @@ def run_request(
     """
 
     def choose(request: store.SweepRequest) -> store.SweepRequest:
-        is_faster = isinstance(runner, InThreads) and prepared(request.job).uses_numpy
+        is_faster = isinstance(runner, InThreads) and with_faster_evaluator(request.job).uses_numpy
         return request.computed_with("numpy") if is_faster else request
 
     if path is not None and store.must_create(path):

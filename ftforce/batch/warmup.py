@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ftforce.analysis.question import AllFaultSets
-from ftforce.batch.compiled import are_kept, load_kernels
+from ftforce.batch.compiled import ENOUGH_POSTURES, are_kept, load_kernels
 from ftforce.batch.postures.postures import Listed
 from ftforce.batch.sweep import request_of, sweep_question
 from ftforce.errors import FtforceError, UnknownNameError
@@ -17,7 +17,6 @@ from ftforce.robot.load import load_robot
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-_COUNT = 4096  # postures, so many that some are left to the accurate kernels
 _FORCE: dict[str, Any] = {"force": [80.0, 50.0, 10.0]}
 _WRENCH: dict[str, Any] = {
     "force": [80.0, 50.0, 10.0, 5.0, 2.0, 1.0],
@@ -86,7 +85,7 @@ def _compile(name: str) -> None:
             Remapper(robot, mode=mode)
             Remapper(m=3, n=7, mode=mode)
         return
-    q = np.random.default_rng(0).uniform(*robot.ranges, (_COUNT, robot.n))
+    q = np.random.default_rng(0).uniform(*robot.ranges, (ENOUGH_POSTURES, robot.n))
     q[0] = 0.0  # singular
     for asked, mode in _SWEEPS[name]:
         question, sets = sweep_question(robot, **asked), AllFaultSets.parse(robot, 2, mode)

@@ -60,7 +60,8 @@ def nearest(work, z, least):
     least :
         Rows of at most this length count as zero.
     """
-    count, given = 0, 0.0
+    count = int(0)  # noqa: UP018, RUF046 # for a literal 0, numba would compile what follows twice
+    given = 0.0
     for i in range(z.size):
         given += z[i] * z[i]
     given = math.sqrt(given)
