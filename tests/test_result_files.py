@@ -256,9 +256,10 @@ def test_markdown_is_a_table_of_pipes():
 
 
 def test_rounding_errors_are_zero_in_tables_for_people():
-    rows = [("joint", "a", "b", "c", "d"), ("j", -2.9e-19, 1e-9, -0.0, 12)]
-    assert to_markdown(rows, []).splitlines()[2] == "| j | 0 | 1e-09 | 0 | 12 |"
-    assert r"{j} & 0 & 1e-09 & 0 & 12 \\" in to_latex(rows, [])
+    """A probability, which has no unit, may be as small."""
+    rows = [("joint", "a [N]", "b [m]", "c", "d", "P"), ("j", -2.9e-19, 1e-9, -0.0, 12, 1e-15)]
+    assert to_markdown(rows, []).splitlines()[2] == "| j | 0 | 1e-09 | 0 | 12 | 1e-15 |"
+    assert r"{j} & 0 & 1e-09 & 0 & 12 & 1e-15 \\" in to_latex(rows, [])
 
 
 def test_the_table_of_a_census_leaves_the_settings_to_the_line_below(results):

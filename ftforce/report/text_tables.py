@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from ftforce.report.fields import Row
 
-_ROUNDING = 1e-12  # in the unit of a column
+_ROUNDING = 1e-12  # in the unit of a column; a probability, which has none, may be as small
 _DIGITS = 4  # significant ones; all of them are in .csv, .json and .xlsx
 _UNITS = {
     "N·m": r"\newton\metre", "N": r"\newton", "m": r"\metre", "rad": r"\radian", "kg": r"\kilogram",
@@ -62,7 +62,7 @@ def to_latex(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
     about :
         Names and texts for the comment above it.
     """
-    rows = _without_empty_columns(rows)
+    rows = _without_rounding(_without_empty_columns(rows))
     said = [f"% {name}: {text}" for name, text in about]
     if not rows:
         return "\n".join([*said, "% no rows", ""])
@@ -164,7 +164,7 @@ def to_markdown(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
     about :
         Names and texts for the line below it.
     """
-    rows = _without_empty_columns(rows)
+    rows = _without_rounding(_without_empty_columns(rows))
     said = " · ".join(f"{name} {_markdown_cell(text)}" for name, text in about)
     if not rows:
         return f"{said}\n"
@@ -183,6 +183,19 @@ def _without_empty_columns(rows: Sequence[Row]) -> list[Row]:
     return [tuple(row[j] for j in kept) for row in rows] if kept else []
 
 
+def _without_rounding(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with 0 where a quantity with a unit is nothing but rounding error."""
+    if not rows:
+        return []
+    header, *body = rows
+    has_unit = [_HEADING.fullmatch(str(head)) is not None for head in header]
+
+    def cleared(cell: Any, has_unit: bool) -> Any:
+        return 0.0 if has_unit and _is_number(cell) and abs(cell) <= _ROUNDING else cell
+
+    return [header, *(tuple(map(cleared, row, has_unit)) for row in body)]
+
+
 def _is_numeric(cells: Any) -> bool:
     """Return whether a column is one of numbers, of which few cells are texts."""
     found = [cell for cell in cells if cell not in {None, ""}]
@@ -191,10 +204,7 @@ def _is_numeric(cells: Any) -> bool:
 
 
 def _rounded(value: float) -> str:
-    """Return a number as text; one that is nothing but rounding error is 0."""
-    if isinstance(value, int):
-        return str(value)
-    return "0" if abs(value) <= _ROUNDING else f"{value:.{_DIGITS}g}"
+    return str(value) if isinstance(value, int) else f"{value + 0.0:.{_DIGITS}g}"  # never -0
 
 
 def _joined(cells: Any) -> str:
