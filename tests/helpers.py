@@ -31,7 +31,10 @@ from ftforce.trajectory.path import Path as TipPath
 from ftforce.view.model import state
 
 TOL = 1e-9
-KNOWN = tuple(known_robots())
+# Of the arms generated from published DH tables, one more than before stands for all in the
+# long tests: gen3, whose table is modified and has a flange. test_robots and test_published_arms
+# have all of them.
+KNOWN = tuple(name for name in known_robots() if name not in {"iiwa14", "fr3", "xarm6", "sawyer"})
 QUARTER = math.pi / 2
 # No test asserts a time: Hypothesis's own deadline of 0.2 s fails on a busy machine.
 settings.register_profile("ftforce", deadline=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import quadprog
 from scipy.optimize import linprog
@@ -19,6 +20,7 @@ from ftforce.core.limits import Limits, TorqueSpeedLine, both_sides
 from ftforce.core.reduced_jacobian import reduce
 from ftforce.core.task import Task
 from ftforce.errors import DimensionError, InputError
+from ftforce.robot.kinematics import frame_jacobian
 from ftforce.show.render import render, to_text
 from ftforce.trajectory import Recording
 from ftforce.trajectory import timeline as module
@@ -115,6 +117,9 @@ def test_sweeps_beside_single_postures(mode):
                 np.testing.assert_allclose(block.capability[s, i], single, rtol=1e-7, atol=1e-6)
 
 
+LINE = TorqueSpeedLine.of([70.0, 70.0, 60.0, np.nan, 9.0], [0.2, 0.3, 0.15, np.nan, 0.1])
+
+
 def test_all_instants_at_once_beside_one_by_one(monkeypatch):
     robot = ftforce.load_robot("dh5")
     q = np.linspace([0.2, 1.0, 0.4, 1.0, 0.1], [0.6, 0.7, 0.6, 0.8, 0.3], 9)
@@ -122,6 +127,7 @@ def test_all_instants_at_once_beside_one_by_one(monkeypatch):
     for limits in (
         Limits.of([90.0, 60.0, 30.0, 15.0, 8.0], lower=[-30.0, -20.0, -80.0, -12.0, -5.0]),
         Limits.of([30.0, 20.0, 80.0, 12.0, 5.0], lower=[-90.0, -60.0, -20.0, -15.0, -8.0]),
+        Limits.of([90.0, 60.0, 50.0, 15.0, 8.0], lower=[-80.0] * 5, line=LINE),
     ):
         asked = {"force": [60.0, 20.0, 10.0], "limits": limits, "rate": 10}
         found = ftforce.timeline(robot, recording, faults=1, **asked)
@@ -151,6 +157,37 @@ def test_torque_speed_line():
         assert_close(above, [upper, 100.0 * min(1.0, max(0.0, 1.0 - speed / 4.0)), 7.0], scale=1.0)
         assert_close(below[[0, 2]], [lower, -7.0], scale=1.0)
     assert limits.is_known.all()
+
+
+@pytest.mark.parametrize("mode", ["locked", "free"])  # all at once, and one by one
+def test_lines_count_at_every_instant_of_a_timeline(mode):
+    robot, d = ftforce.load_robot("dh5"), np.array([0.36, -0.48, 0.8])
+    v = np.array([0.1, -0.07, 0.05, -0.02, 0.05])  # constant: accelerations are zero
+    t = np.linspace(0.0, 2.0, 5)
+    q = np.array([0.2, 1.0, 0.4, 1.0, 0.1]) + t[:, None] * v
+    limits = Limits.of(np.full(5, 90.0), line=LINE)
+    found = ftforce.timeline(
+        robot, Recording.of(robot, t, q), faults=1, mode=mode, direction=d, limits=limits,
+        smooth="none",
+    )  # fmt: skip
+    share = 1.0 - np.abs(v) / LINE.no_load_speed
+    stall = LINE.stall_torque
+    upper = np.fmin(90.0, np.where(v > 0.0, share, 1.0) * stall)
+    lower = -np.fmin(90.0, np.where(v < 0.0, share, 1.0) * stall)
+    for i, one in enumerate(q):
+        J = frame_jacobian(robot, one, "tool")[:3]
+        rnea = pin.rnea(robot.model, robot.model.createData(), one, v, np.zeros(5))
+        lever = J.T @ d
+        ends = np.where(lever > 0.0, upper - rnea, lower - rnea) / lever
+        assert found.healthy.capability[i] == pytest.approx(ends.min(), rel=1e-6)
+        if mode == "locked":
+            k = found.sets.index(FaultSet((Fault(4, FaultMode.LOCKED),)))
+            rnea = pin.rnea(robot.model, robot.model.createData(), one, v * STOP, np.zeros(5))
+            ends = (np.where(lever > 0.0, upper - rnea, lower - rnea) / lever)[:4]
+            assert found.held[i, k] == pytest.approx(ends.min(), rel=1e-6)
+
+
+STOP = np.array([1.0, 1.0, 1.0, 1.0, 0.0])
 
 
 def test_lines_count_with_the_velocity():

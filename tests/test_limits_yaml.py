@@ -109,8 +109,8 @@ def test_names_without_their_end(tmp_path, file):
 
 
 BAD = {
-    "empty": ("# nothing\n", "contains no limits"),
-    "velocity only": ("joint_limits:\n  joint1: {max_velocity: 1}\n", "contains no limits"),
+    "empty": ("# nothing\n", "contains no torque limits"),
+    "velocity only": ("joint_limits:\n  joint1: {max_velocity: 1}\n", "contains no torque limits"),
     "list": ("- joint1\n", "contains no mapping"),
     "no mapping": ("joint_limits: 3\n", "joint_limits is not a mapping"),
     "number": ("joint1: 3\n", "joint1: is not a mapping; use one per joint"),

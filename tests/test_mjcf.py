@@ -275,10 +275,21 @@ SHAPE = trimesh.creation.box((0.1, 0.06, 0.3)).apply_transform(
 )
 
 
-@pytest.mark.parametrize("ending", ["stl", "obj"])
-def test_masses_of_meshes_are_mujocos(tmp_path, ending):
-    asset = f'<compiler meshdir="assets"/><asset><mesh file="rod.{ending}" scale="1 2 1"/></asset>'
-    text = hand(asset, geom='type="mesh" mesh="rod" density="700" euler="10 0 20" pos="0 0.1 0"')
+SOLID = 'density="700"'
+MESHES = {
+    "stretched": ("stl", 'scale="1 2 1"', SOLID),
+    "of an OBJ": ("obj", 'scale="1 2 1"', SOLID),
+    "moved": ("stl", 'scale="1 2 3" refpos="0.1 0 0.2"', SOLID),
+    "turned": ("stl", 'scale="2 2 2" refpos="0.1 0 0.2" refquat="0.8 0 0.6 0"', SOLID),
+    "without mass": ("stl", 'scale="2 2 2" refpos="0.1 0 0.2" refquat="0.8 0 0.6 0"', 'mass="0"'),
+}
+
+
+@pytest.mark.parametrize(("ending", "given", "mass"), MESHES.values(), ids=MESHES)
+def test_meshes_are_mujocos(tmp_path, ending, given, mass):
+    asset = f'<compiler meshdir="assets"/><asset><mesh file="rod.{ending}" {given}/></asset>'
+    geom = f'type="mesh" mesh="rod" {mass} euler="10 0 20" pos="0 0.1 0"'
+    text = hand(asset, geom=geom).replace("<geom", '<geom type="sphere" size="0.1"/><geom', 1)
     (tmp_path / "assets").mkdir()
     SHAPE.export(tmp_path / "assets" / f"rod.{ending}")
     robot = arm_of(tmp_path, text)
@@ -288,15 +299,48 @@ def test_masses_of_meshes_are_mujocos(tmp_path, ending):
     mujoco.mj_forward(model, data)
     np.testing.assert_allclose(weight_torque(robot, q), data.qfrc_bias[:2], atol=1e-9)
     # The page shows the file where MuJoCo has it, which moves its vertices to the centre of mass.
-    (visual,) = [v for v in read_visuals(robot.path, robot.description()).shapes if v.link == "b"]
+    shapes = read_visuals(robot.path, robot.description()).shapes
+    (visual,) = [v for v in shapes if v.shape == "mesh"]
     vertices = np.unique(SHAPE.vertices, axis=0) * visual.size
     placed = vertices @ visual.placement[:3, :3].T + visual.placement[:3, 3]
-    geom = int(model.body("b").geomadr[0])
+    geom = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, model.geom_quat[geom])
     theirs = model.mesh_vert @ R.reshape(3, 3).T + model.geom_pos[geom]
     distance, _ = cKDTree(placed).query(theirs)
     assert distance.max() < 1e-6  # files have single precision
+
+
+def test_vertices_in_the_file_itself_weigh_and_are_rods_in_the_page(tmp_path):
+    asset = '<asset><mesh name="m" vertex="0 0 0 0.1 0 0 0 0.1 0 0 0 0.1"/></asset>'
+    text = hand(asset, geom='type="mesh" mesh="m" density="7000"')
+    robot = arm_of(tmp_path, text)
+    model = mujoco.MjModel.from_xml_string(text)
+    assert robot.mass == pytest.approx(model.body("a").subtreemass[0])
+    assert not [note for note in robot.notes if "incomplete" in note]
+    (note,) = load_geometry(robot).notes
+    assert "link 'b': a mesh without a file of its own" in note
+
+
+def test_what_is_drawn_is_what_does_not_collide(tmp_path):
+    shown = '<geom type="ellipsoid" size="0.1 0.2 0.3" contype="0" conaffinity="0" pos="0 0 1"/>'
+    asset = '<asset><mesh name="m" file="m.stl"/></asset>'
+    text = hand(asset, geom='type="mesh" mesh="m" mass="1"')
+    SHAPE.export(tmp_path / "m.stl")
+
+    def kinds(text):
+        robot = arm_of(tmp_path, text)
+        shapes = read_visuals(robot.path, robot.description()).shapes
+        return robot, [v.shape for v in shapes if v.link == "b"]
+
+    bar = text.replace('<geom type="mesh"', '<geom type="box" size="1 1 1"/><geom type="mesh"')
+    assert kinds(bar)[1] == ["box", "mesh"]  # both collide
+    robot, found = kinds(text.replace('<geom type="mesh"', shown + '<geom type="mesh"'))
+    assert found == ["ellipsoid"]
+    (part,) = [part for part in load_geometry(robot).parts if part.joint == 2]
+    size = np.ptp(part.vertices, axis=0)
+    # From the lowest point of the sphere at the tip, z = 0.18 m, to the ellipsoid's highest, 1.3 m.
+    np.testing.assert_allclose(size, [0.2, 0.4, 1.12], rtol=1e-2)
 
 
 @pytest.mark.parametrize("content", [b"", b"solid", b"\0" * 84 + b"\xff\xff\xff\x7f", b"v 1 nan x"])

@@ -96,6 +96,10 @@ def test_the_file_and_its_other_forms(tmp_path, panda):
     point = tmp_path / "point.toml"
     point.write_text("mass = 2\n")
     assert read_payload(point).inertia is None
+    point.write_text("mass = 2\ninertia = {ixx = 1, iyy = 2, izz = 1.5, ixz = 0.1}")
+    np.testing.assert_array_equal(
+        read_payload(point).inertia, [[1, 0, 0.1], [0, 2, 0], [0.1, 0, 1.5]]
+    )
 
 
 def test_a_history_keeps_the_inertia(tmp_path):
@@ -124,7 +128,11 @@ def test_a_history_keeps_the_inertia(tmp_path):
         ("mass = 1\ninertia = [1, 1, 1, 1.5, 0, 0]", "no rigid body has the payload's inertia"),
         ("mass = 1\ninertia = [1, 1, 0, 0, 0, 0]", "no rigid body has the payload's inertia"),
         ("mass = 0\ninertia = [1, 1, 1, 0, 0, 0]", "a payload of no mass has no inertia"),
-        ("mass = 1\n[inertia]\nixx = 1", "inertia needs the keys ixx, iyy, izz, ixy, ixz, iyz"),
+        (
+            "mass = 1\n[inertia]\nixx = 1",
+            "inertia needs the keys ixx, iyy, izz; ixy, ixz, iyz are 0",
+        ),
+        ("mass = 1\n[inertia]\nixx = 1\niyy = 1\nizz = 1\nizy = 0", "inertia needs the keys"),
         ("mass = ", "is not valid TOML"),
     ],
 )

@@ -266,7 +266,10 @@ BAD_FILES = {
         csv_of("t [min],j1,j2", T, Q),
         "column 't [min]': unknown unit; use s or ms or us or µs or ns",
     ),
-    "unknown unit": (csv_of("t,j1 [°],j2", T, Q), "column 'j1 [°]': unknown unit; use rad or deg"),
+    "unknown unit": (
+        csv_of("t,j1 [gon],j2", T, Q),
+        "column 'j1 [gon]': unknown unit; use rad or deg",
+    ),
     "turned slider": (csv_of("t,j1,j2 [rad]", T, Q), "column 'j2 [rad]': unknown unit; use m"),
     "velocity as angle": (
         csv_of("t,j1,j2,v_j1 [deg],v_j2", T, Q, V),

@@ -15,8 +15,8 @@ from urdfs import arm, write
 
 WANTED = {
     "panda", "ur5", "ur10", "ur3", "xarm7", "kinova", "z1", "talos_left_arm", "baxter_left",
-    "baxter_right", "tiago", "pr2_left", "pr2_right", "so101", "dh5", "canadarm2",
-    "ur3e", "ur5e", "ur10e", "ur16e",
+    "baxter_right", "tiago", "pr2_left", "pr2_right", "so100", "so101", "dh5", "canadarm2",
+    "ur3e", "ur5e", "ur10e", "ur16e", "iiwa14", "fr3", "gen3", "xarm6", "sawyer",
 }  # fmt: skip
 KEYS = {"about", "urdf", "srdf", "bundled", "tip", "base", "posture", "postures", "corrections",
         "notes", "same_motors"}  # fmt: skip
@@ -67,7 +67,7 @@ def test_an_unknown_name_lists_the_known_ones(name):
 
 @pytest.mark.parametrize(
     "name",
-    ["ur5x", "ur7", "ur20", "fr3", "xarm6", "panda2", "iiwa14", "gen3", "z2", "dh6", "kinova_gen3",
+    ["ur5x", "ur7", "ur20", "fr2", "xarm5", "panda2", "iiwa7", "gen4", "z2", "dh6", "kinova_gen3",
      "tiago_pro", "talos_right_arm", "canadarm", "canadarm3", "so102"],
 )  # fmt: skip
 def test_another_model_is_no_typing_mistake(name):

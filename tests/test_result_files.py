@@ -3,7 +3,9 @@
 import csv
 import hashlib
 import io
+import itertools
 import json
+import math
 import re
 import shutil
 import subprocess
@@ -126,24 +128,84 @@ def test_without_xlsxwriter_the_command_is_named(monkeypatch, results):
         to_content(results["census"], "xlsx")
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_a_latex_table_is_well_formed(results, name, tmp_path):
-    """It compiles where there is a LaTeX; else a parser reads it without an error."""
-    text = to_text(results[name], "tex")
+def latex_tables(text):
+    """Return the cells of each table, its heading first, and the types of its columns."""
     nodes, _, _ = LatexWalker(text, tolerant_parsing=False).get_latex_nodes()
-    (environment,) = [one for one in nodes if getattr(one, "environmentname", "") == "longtable"]
-    columns = text.split("\\begin{longtable}{")[1].split("}")[0]
-    body = environment.latex_verbatim().split("\\toprule")[1]
-    for line in body.replace("\\&", "").splitlines():
-        if line.endswith("\\\\"):
-            assert line.count(" & ") == len(columns) - 1
-    if compiler := shutil.which("pdflatex"):
-        head = "\\documentclass{article}\\usepackage[T1]{fontenc}"
-        used = "\\usepackage{booktabs,siunitx,textcomp,longtable}"
-        page = tmp_path / "page.tex"
-        page.write_text(f"{head}{used}\\begin{{document}}{text}\\end{{document}}", "utf-8")
-        command = [compiler, "-interaction=nonstopmode", "-halt-on-error", page.name]
-        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    tables = []
+    for one in nodes:
+        if getattr(one, "environmentname", "") == "longtable":
+            verbatim = one.latex_verbatim()
+            spec = verbatim.removeprefix("\\begin{longtable}{").split("}\n")[0]
+            columns = re.findall(r"S\[[^]]*\]|p\{[^}]*\}|l", spec)
+            assert "".join(columns) == spec
+            lines = [line[:-3] for line in verbatim.splitlines() if line.endswith("\\\\")]
+            tables.append((columns, [line.split(" & ") for line in lines]))
+    return tables
+
+
+def compiled(text, folder):
+    """Return the log of pdflatex for a page with this text; ``None`` without it or siunitx."""
+    compiler, finder = map(shutil.which, ("pdflatex", "kpsewhich"))
+    needed = ("siunitx.sty", "booktabs.sty", "longtable.sty")
+    if not (compiler and finder and not subprocess.run([finder, *needed], check=False).returncode):
+        return None
+    head = "\\documentclass{article}\\usepackage[T1]{fontenc}"
+    used = "\\usepackage{booktabs,siunitx,textcomp,longtable}"
+    page = folder / "page.tex"
+    page.write_text(f"{head}{used}\\begin{{document}}{text}\\end{{document}}", "utf-8")
+    command = [compiler, "-interaction=nonstopmode", "-halt-on-error", page.name]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    return (folder / "page.log").read_text("utf-8", errors="replace")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_latex_tables_are_well_formed(results, name, tmp_path):
+    """They compile, and fit the page, where there is a LaTeX; else a parser reads them."""
+    text = to_text(results[name], "tex")
+    tables = latex_tables(text)
+    for columns, lines in tables:
+        assert {len(line) for line in lines} == {len(columns)}
+    if log := compiled(text, tmp_path):
+        assert "Overfull" not in log
+        assert "Missing character" not in log
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_further_latex_tables_repeat_what_tells_the_rows_apart(results, name):
+    tables = [lines for _, lines in latex_tables(to_text(results[name], "tex"))]
+    heads = [head for head, *_ in tables]
+    count = len(
+        list(itertools.takewhile(lambda cells: len(set(cells)) == 1, zip(*heads, strict=False)))
+    )
+    if len(tables) == 1:
+        count = 1
+    first, *others = [[line[:count] for line in lines] for lines in tables]
+    assert all(other == first for other in others)
+    if name in {"census", "timeline", "capability", "sweep", "history"}:
+        assert len(tables) > 1
+        assert len({tuple(line) for line in first}) == len(first)
+    rows = to_rows(results[name])
+    filled = [head for head, *column in zip(*rows, strict=True) if set(column) - {None, ""}]
+    shown = [*heads[0][:count], *(cell for head in heads for cell in head[count:])]
+    assert len(shown) == len(set(shown))
+    assert len(shown) <= len(filled)  # settings stand in the comment
+    assert {cell.split(" / ")[0].strip("{}").replace("\\_", "_") for cell in shown} <= {
+        head.split(" [")[0] for head in filled
+    }
+
+
+def test_latex_columns_have_room_for_their_numbers(tmp_path):
+    numbers = [-123.456, 1e-300, 12345678.0, None, 7]
+    rows = [("joint", "x", "count", "none", "long"), *(
+        (f"j{i}", x, i, math.inf, "a b " * 20) for i, x in enumerate(numbers)
+    )]  # fmt: skip
+    text = to_latex(rows, [])
+    (columns, lines), (long, _) = latex_tables(text)
+    assert columns == ["l", "S[table-format=-3.3e-3]", "S[table-format=1]", "l"]
+    assert long == ["l", "p{140pt}"]
+    assert [line[1] for line in lines[1:]] == ["-123.5", "1e-300", "1.235e+07", "", "7"]
+    if log := compiled(text, tmp_path):
+        assert "Overfull" not in log
 
 
 def test_latex_has_units_of_siunitx_and_escapes_texts():
@@ -191,6 +253,13 @@ def test_markdown_is_a_table_of_pipes():
     assert body[0] == "| =1+1 | 1.235 |"
     assert body[3] == "| \\|pipe\\|\\`&lt;b&gt; | 1.235 |"
     assert body[-1] == "robot a\\|b"
+
+
+def test_rounding_errors_are_zero_in_tables_for_people():
+    """A probability, which has no unit, may be as small."""
+    rows = [("joint", "a [N]", "b [m]", "c", "d", "P"), ("j", -2.9e-19, 1e-9, -0.0, 12, 1e-15)]
+    assert to_markdown(rows, []).splitlines()[2] == "| j | 0 | 1e-09 | 0 | 12 | 1e-15 |"
+    assert r"{j} & 0 & 1e-09 & 0 & 12 & 1e-15 \\" in to_latex(rows, [])
 
 
 def test_the_table_of_a_census_leaves_the_settings_to_the_line_below(results):

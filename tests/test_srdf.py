@@ -206,6 +206,22 @@ def test_of_several_none_is_read(workspace):
     assert tuple(load_robot(urdf, srdf=config / "arm_2.srdf").postures) == ("home",)
 
 
+def test_an_srdf_that_names_nothing_of_the_urdf_is_told_and_not_read(workspace):
+    urdf, configured = workspace
+    config = configured("src/arm_ros", SRDF) / "config"
+    prefixed = arm()
+    for name in ("base", "tool", "l1", "l2", "l3", "j1", "j2", "j3", *HOME):
+        prefixed = prefixed.replace(f'"{name}"', f'"left_{name}"')
+    urdf.write_text(prefixed, encoding="utf-8")
+    found = load_robot(urdf)
+    assert (found.tip, dict(found.postures)) == ("left_tool", {})
+    path = min(str(config / "arm.srdf"), os.path.relpath(config / "arm.srdf"), key=len)
+    assert found.notes[0] == f"{path} is not read: none of its links and joints are in the URDF"
+    fitting = SRDF.replace('"l3"', '"left_l3"')  # beside one that fits it does not count
+    (config / "left.srdf").write_text(fitting, encoding="utf-8")
+    assert load_robot(urdf).tip == "left_l3"
+
+
 def test_nothing_is_searched_outside_a_package(workspace, tmp_path):
     urdf, configured = workspace
     configured("src/arm_ros", SRDF)
@@ -220,3 +236,36 @@ def test_nothing_is_searched_outside_a_package(workspace, tmp_path):
     package(tmp_path, "elsewhere", config=("arm.srdf", SRDF))
     (urdf.parents[2] / "linked_moveit_config").symlink_to(tmp_path / "elsewhere")
     assert load_robot(urdf).notes == ()
+
+
+ONE = "--srdf or srdf= chooses one"
+
+
+def test_xacro_files_of_srdfs_are_told_and_not_evaluated(workspace, tmp_path):
+    urdf, configured = workspace
+    trap = "${open('" + str(tmp_path / "trap") + "', 'w')}"
+    text = SRDF.replace('"arm"', '"$(arg name)"', 1).replace("home", trap)
+    text = text.replace("<robot", '<robot xmlns:xacro="x"', 1)
+    config = configured("src/arm_ros", text, "arm.srdf.xacro") / "config"
+    (config / "rover.srdf.xacro").write_text('<robot name="rover"/>', encoding="utf-8")
+    (config / "broken.srdf.xacro").write_text("<robot", encoding="utf-8")
+    found = load_robot(urdf)
+    path = min(str(config / "arm.srdf.xacro"), os.path.relpath(config / "arm.srdf.xacro"), key=len)
+    assert found.postures == {}
+    assert found.notes[0] == (
+        f"{path} is a xacro file, so it is evaluated only on request: --srdf or srdf= chooses it"
+    )
+    (urdf.parent / "arm.srdf.xacro").write_text(text, encoding="utf-8")
+    both = load_robot(urdf).notes[0]
+    assert f"{urdf.parent / 'arm.srdf.xacro'}, " in both
+    assert both.endswith("are xacro files, so they are evaluated only on request: " + ONE)
+    assert not (tmp_path / "trap").exists()
+    configured("src", SRDF)  # any SRDF will do
+    assert load_robot(urdf).notes[0].startswith("tip and postures are those of ")
+
+
+def test_a_xacro_file_beside_a_urdf_outside_a_package_is_told(tmp_path):
+    urdf = write(tmp_path, arm())
+    (tmp_path / "arm.srdf.xacro").write_text(SRDF, encoding="utf-8")
+    assert "arm.srdf.xacro is a xacro file, so it" in load_robot(urdf).notes[0]
+    assert tuple(load_robot(urdf, srdf=tmp_path / "arm.srdf.xacro").postures) == ("home",)

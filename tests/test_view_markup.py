@@ -168,6 +168,12 @@ def test_the_tables_have_the_answers_numbers(locked):
         assert f"{load.name} {load.brake:.2f} N·m" in facts["Brake load"]
 
 
+def test_the_heading_says_what_the_torques_include(panda, locked):
+    assert "Motor torque [N·m], gravity included" in answer_part(locked)
+    moving = answered(panda, locked=[2], velocity=[0.1] * 7)
+    assert "Motor torque [N·m], gravity and motion included" in answer_part(moving)
+
+
 def test_newtons_and_newton_metres_have_norms_of_their_own(panda):
     rows = Reader(answer_part(answered(panda, task="wrench", force=[1, 2, 2, 3, 0, 4]))).tables[
         "forces"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shlex
 import threading
@@ -9,6 +10,7 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from markupsafe import Markup
 from typer.testing import CliRunner
@@ -25,7 +27,7 @@ from ftforce.view.model.answer import answer
 from ftforce.view.model.state import Origin, command_line
 from ftforce.view.modes import Mode, View
 from ftforce.view.scene.picture import picture, rotation, scene_size
-from ftforce.view.session import Session
+from ftforce.view.session import Session, open_page
 from helpers import KNOWN, assert_close, initial_state
 from urdfs import arm, joint
 
@@ -149,6 +151,8 @@ def test_every_control_changes_what_it_says(session):
     state = session.state
     assert state.q[2] == pytest.approx(math.radians(-12.5))
     assert (state.weighs, state.payload.mass, state.force.tolist()) == (False, 2.0, [1.0, 3.0])
+    put(session, joint_friction=True, armature=True)
+    assert (session.state.joint_friction, session.state.armature) == (True, True)
     put(session, task="wrench", length=0.5, moment=(4.0, 5.0, 6.0))
     assert session.state.task.length == 0.5
     assert session.state.force.tolist() == [1, 2, 3, 4, 5, 6]
@@ -180,6 +184,36 @@ def test_controls_follow_the_question(session, dh5):
     session.settle()
     assert command_line(dh5, session.state) == "ftforce analyze dh5 --force=80.0,50.0,10.0"
     assert handle("q0").value == 10.0
+
+
+def test_the_page_of_an_analysis_has_its_question_and_geometry(dh5):
+    model = pin.buildSampleModelManipulator()
+    robot = ftforce.Robot.from_model(model, tip="effector_body")
+    result = ftforce.analyze(robot, q=[0.1, 0.4, 0.2, 0.8, 0.3, 0.5], locked=[2], force=[10, 0, 5])
+    with open_page(result) as page:
+        shown = page.answer.analysis
+        np.testing.assert_array_equal(shown.force.after, result.force.after)
+        np.testing.assert_array_equal(shown.torque.total_after, result.torque.total_after)
+        assert page.state.is_limited is None  # no limits were given
+        assert page.panel.notes == ("the robot has no visual geometry: links are shown as rods",)
+    with open_page(ftforce.analyze(dh5, locked=[1], limits="urdf")) as page:
+        assert page.state.is_limited
+        assert page.state.force.tolist() == [20.0] * 3
+
+
+def test_switches_of_the_drives_are_shown_where_they_count(session):
+    handle = session.panel.handle
+
+    def shown(**changes):
+        session.change(lambda state: dataclasses.replace(state, **changes))
+        session.settle()
+        return handle("joint_friction").visible, handle("armature").visible
+
+    assert shown() == (False, False)
+    assert shown(acceleration=np.ones(5)) == (False, True)
+    assert shown(acceleration=None, inverse="dynamic") == (False, True)
+    assert shown(velocity=np.ones(5)) == (True, True)
+    assert shown(velocity=None, inverse="euclidean", joint_friction=True) == (True, False)
 
 
 def test_a_posture_is_named_until_a_slider_moves_it(session):

@@ -6,6 +6,7 @@ import json
 import shlex
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from typer.testing import CliRunner
 
@@ -106,6 +107,32 @@ def test_limits_of_a_file_are_named_in_the_command(panda, tmp_path):
     assert state.limited(False).limited(True).question(panda).limits is state.limits
 
 
+DRIVES = """joint,effort,stall_torque,no_load_speed,friction,damping,armature
+2,40,60,2,1.5,0.5,0.3
+panda_joint4,20,25,1,0.5,,0.1
+"""
+
+
+@pytest.mark.parametrize(("rubs", "rotors"), [(True, False), (False, True), (True, True)])
+def test_drives_count_as_on_the_command_line(panda, tmp_path, rubs, rotors):
+    path = tmp_path / "motors.csv"
+    path.write_text(DRIVES)
+    moving = {"velocity": [0.0, 1.0, 0, 0.5, 0, 0.2, 0], "acceleration": [0.1, 2.0] + [0.0] * 5}
+    plain = asked(panda, limits=path, locked=[6], **moving)
+    state = plain.rubbing(rubs).with_rotors(rotors)
+    command = command_line(panda, state)
+    assert ("--joint-friction" in command, "--armature" in command) == (rubs, rotors)
+    assert_same_by_command(panda, state)
+    found, bare = (answer(panda, one).loads for one in (state, plain))
+    # Joint 2: Coulomb 1.5 N·m, viscous 0.5 N·m·s and rotor 0.3 kg·m² at 1 rad/s and 2 rad/s².
+    assert found[1].before - bare[1].before == pytest.approx(2.0 * rubs + 0.6 * rotors)
+    assert found[1].limit == (30.0 if found[1].after > 0.0 else 40.0)  # half of the stall torque
+    started = asked(panda, limits=path, locked=[6], joint_friction=rubs, armature=rotors, **moving)
+    assert command_line(panda, started) == command
+    # Without the limits, the drives are those of the URDF, which knows only their friction.
+    assert_same_by_command(panda, state.limited(False))
+
+
 def test_joints_called_by_numbers_are_named_so_that_the_right_one_fails(tmp_path):
     text = arm(j2=joint("3", "l1", "l2"), j3=joint("two", "l2", "l3"))
     path = tmp_path / "arm.urdf"
@@ -114,6 +141,16 @@ def test_joints_called_by_numbers_are_named_so_that_the_right_one_fails(tmp_path
     state = asked(robot, str(path)).failing(2, "locked")
     assert "--locked=two" in command_line(robot, state)
     assert_same_by_command(robot, state)
+
+
+def test_the_command_of_a_pinocchio_model_names_a_file_and_not_a_known_robot():
+    model = pin.buildSampleModelManipulator()
+    model.name = "panda"
+    robot = ftforce.Robot.from_model(model, tip="wrist2_body")
+    state = initial_state(robot)
+    assert command_line(robot, state).startswith("ftforce analyze panda.urdf --force=")
+    assert command_line(robot, state).endswith(" --tip=wrist2_body")
+    assert "needs a file of the same arm" in state.origin.note
 
 
 def test_the_posture_of_the_start_is_named_until_it_changes(panda):
@@ -210,6 +247,8 @@ def test_the_census_depends_on_what_it_says(panda):
         state.asking("fx", "tool"),
         state.asking("force", "world"),
         state.carrying(Payload.of(1.0)),
+        state.rubbing(True),
+        state.with_rotors(True),
         state.showing(census=2),
         state.loaded("every direction"),
     ):

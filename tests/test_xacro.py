@@ -101,6 +101,36 @@ def test_meshes_of_packages_are_found(workspace, xacro):
     assert again.description().find("link").get("name") == "base"
 
 
+def test_what_xacro_warns_of_is_a_note_and_not_printed(workspace, xacro, capfd):
+    macro = 'params="parent child z"'
+    segment = workspace / "segments/urdf/segment.xacro"
+    segment.write_text(SEGMENT.replace(macro, 'params="parent child z len=1"'))  # a function
+    found = load_robot(xacro, package_path=workspace)
+    assert capfd.readouterr() == ("", "")
+    assert found.notes == ("xacro warns: redefining global symbol: len",)  # not once per use
+
+
+def test_arguments_that_nothing_uses_are_refused(workspace, xacro):
+    def loaded(**args):
+        return load_robot(xacro, args=args, package_path=workspace)
+
+    with pytest.raises(InputError, match=r"xacro has no argument 'lenght', only length$"):
+        loaded(lenght=1)
+    # Also what an included file declares, or only uses, is known.
+    limits = workspace / "segments/urdf/limits.xacro"
+    effort = f'{HEAD}<xacro:property name="effort" value="$(arg effort)"/></robot>'
+    limits.write_text(effort)
+    assert loaded(effort=3).effort.tolist() == [3.0] * 3
+    limits.write_text(effort.replace("<xacro:p", '<xacro:arg default="2"\nname="effort"/><xacro:p'))
+    with pytest.raises(InputError, match=r"has no argument 'efort', only length, effort$"):
+        loaded(efort=3)
+    # Values that are for an SRDF, too.
+    srdf = xacro.with_name("other.srdf.xacro")
+    srdf.write_text(f"{HEAD}<group_state name='$(arg state)'/></robot>")
+    args = {"length": 0.7, "state": "home"}
+    assert load_robot(xacro, args=args, package_path=workspace, srdf=srdf).n == 3
+
+
 def test_an_srdf_beside_it_is_read(workspace, xacro):
     chain = '<group name="arm"><chain base_link="base" tip_link="l2"/></group>'
     xacro.with_name("arm.srdf").write_text(f'<robot name="arm">{chain}</robot>')
@@ -118,6 +148,10 @@ REFUSED = {
         r"cannot be expanded by xacro: No such file or directory",
     ),
     "XML": ({"arm": ARM[:-9]}, "cannot be expanded by xacro: .*line"),
+    "macros only": (
+        {"arm": SEGMENT.replace('<xacro:include filename="limits.xacro"/>', "")},
+        "expands to no <link>: it may only define macros; give the file that uses",
+    ),
     "no robot": ({"arm": "<sdf/>"}, "is not a URDF: its root element is <sdf>"),
     "DTD": (
         {"arm": f'<!DOCTYPE a [<!ENTITY b "c">]>{ARM}', "packages": True},

@@ -187,7 +187,10 @@ def _limits_of(
             found[key][i] = _number(entry.get(key), f"{where}: {key} {of}", unit=unit)
     known = {key for key, values in found.items() if not np.isnan(values).all()}
     if not known & {"upper", "brake", "stall_torque"}:
-        raise InputError(f"contains no limits; expected {', '.join(_COLUMNS)} for each joint")
+        raise InputError(
+            "contains no torque limits, the only ones that are read; expected "
+            f"{', '.join(_COLUMNS)} for each joint"
+        )
     lower, upper, brake = (read_only(found[key]) for key in ("lower", "upper", "brake"))
     line = TorqueSpeedLine.of(*(found[key] for key in _LINE)) if known & set(_LINE) else None
     terms = DriveTerms(*(read_only(found[key]) for key in _TERMS)) if known & set(_TERMS) else None

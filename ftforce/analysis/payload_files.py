@@ -24,7 +24,8 @@ def read_payload_file(path: str | os.PathLike[str]) -> Payload:
     path :
         The file: ``mass`` (kg), ``centre`` (centre of mass in tip axes, m; by default the tip), and
         ``inertia`` about the centre in tip axes (kg·m²; by default none), a list
-        ``[ixx, iyy, izz, ixy, ixz, iyz]`` or a table with these keys.
+        ``[ixx, iyy, izz, ixy, ixz, iyz]`` or a table with these keys, of which the last three are
+        0 if they are left out.
 
     Raises
     ------
@@ -46,7 +47,8 @@ def _payload_of(content: dict[str, Any]) -> Payload:
         raise InputError(f"contains no mass; expected e.g. {_EXAMPLE}")
     inertia = content.get("inertia")
     if isinstance(inertia, dict):
-        if set(inertia) != set(MOMENTS):
-            raise InputError(f"inertia needs the keys {', '.join(MOMENTS)}")
-        inertia = [inertia[key] for key in MOMENTS]
+        if not set(MOMENTS[:3]) <= set(inertia) <= set(MOMENTS):
+            needed, further = ", ".join(MOMENTS[:3]), ", ".join(MOMENTS[3:])
+            raise InputError(f"inertia needs the keys {needed}; {further} are 0 if left out")
+        inertia = [inertia.get(key, 0.0) for key in MOMENTS]
     return Payload.of(content["mass"], content.get("centre", (0.0, 0.0, 0.0)), inertia)

@@ -112,12 +112,12 @@ class Limits:
         return ~np.isnan(self.motor_bounds()[1])
 
     def motor_bounds(self, v: Vector | None = None) -> tuple[Vector, Vector]:
-        """Return the lower and the upper torque of each motor, NaN where unknown, shapes (n,).
+        """Return the lower and the upper torque of each motor, NaN where unknown, shapes (..., n).
 
         Parameters
         ----------
         v :
-            Joint velocities, rad/s or m/s, shape (n,); at rest by default.
+            Joint velocities, rad/s or m/s, shape (..., n); at rest by default.
         """
         upper = self.effort
         lower = -upper if self.lower is None else self.lower
@@ -147,15 +147,32 @@ class Limits:
         """
         if self.lower is None and self.line is None:
             return read_only(self._after(faults, self.effort))
-        lower, upper = self.motor_bounds(v)
-        most = self._after(faults, upper)
-        if np.array_equal(lower, -upper, equal_nan=True):
+        least, most = self.bounds_after(faults, v)
+        if np.array_equal(least, -most, equal_nan=True):
             return read_only(most)
-        return read_only(np.array([-self._after(faults, -lower), most]))
+        return read_only(np.array([least, most]))
+
+    def bounds_after(self, faults: FaultSet, v: Vector | None = None) -> tuple[Vector, Vector]:
+        """Return the lower and the upper torque of each joint after the given faults.
+
+        Parameters
+        ----------
+        faults :
+            The fault set.
+        v :
+            Joint velocities, rad/s or m/s, shape (..., n); at rest by default.
+
+        Returns
+        -------
+        :
+            As in `largest_torques`; shapes (..., n), without a line (n,).
+        """
+        lower, upper = self.motor_bounds(v)
+        return -self._after(faults, -lower), self._after(faults, upper)
 
     def _after(self, faults: FaultSet, most: Vector) -> Vector:
         """Return the limits in one direction after faults, from those of the healthy motors."""
-        n = len(most)
+        n = most.shape[-1]
         factors = faults.factors(n)
         # Avoid underflow to 0, which would mean a free-swinging joint.
         motors = np.maximum(most * factors, _SMALLEST)
@@ -205,12 +222,12 @@ class TorqueSpeedLine:
         return cls(read_only(stall), read_only(speed))
 
     def at(self, v: Vector) -> tuple[Vector, Vector]:
-        """Return the largest torques in the positive and in the negative direction, shapes (n,).
+        """Return the largest torques in the positive and in the negative direction, as v is.
 
         Parameters
         ----------
         v :
-            Joint velocities, rad/s or m/s, shape (n,).
+            Joint velocities, rad/s or m/s, shape (..., n).
         """
         positive, negative = (
             self.stall_torque * (1.0 - np.clip(x / self.no_load_speed, 0.0, 1.0)) for x in (v, -v)
@@ -270,7 +287,7 @@ def both_sides(largest: Vector) -> tuple[Vector, Vector]:
 
 
 def middle_and_half(largest: Vector) -> tuple[Vector, Vector]:
-    """Return the middle and half the width between torque limits, each of shape (n,).
+    """Return the middle and half the width between torque limits, each of shape (..., n).
 
     ``lower ≤ τ ≤ upper`` is ``|τ - middle| ≤ half``: a kernel for symmetric limits needs the middle
     only as part of the torques for weight and motion, ``(rnea - middle) + JᵀF``.
@@ -278,7 +295,7 @@ def middle_and_half(largest: Vector) -> tuple[Vector, Vector]:
     Parameters
     ----------
     largest :
-        As in `both_sides`.
+        As in `both_sides`; lower and upper limits may have any shape (2, ..., n).
     """
     if largest.ndim == 1:
         return np.zeros_like(largest), largest

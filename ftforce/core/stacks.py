@@ -176,10 +176,11 @@ def reach_of(
         Torques for weight and motion after the fault, shape (N, S, n), or (N, 1, n) if they are
         the same for all sets.
     largest :
-        Largest torques of motors and brakes of each set, NaN where unknown, shape (S, n).
+        Largest torques of motors and brakes of each set, NaN where unknown, shape (S, n); (N, S, n)
+        if they differ by posture.
     middle :
         Middle between the lower and the upper limits, where these differ: ``largest`` is then half
-        their distance, shape (S, n).
+        their distance, of the same shape.
     direction :
         Weighted direction, shape (m,); ``None`` for the weakest.
     cells :

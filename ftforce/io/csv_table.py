@@ -9,6 +9,8 @@ import csv
 import io
 import math
 import re
+from contextlib import suppress
+from itertools import takewhile
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -25,6 +27,30 @@ _PIECE = 1 << 20  # characters
 _LONG = 1 << 17  # characters: shorter texts are read before Arrow is imported
 
 _LINE = r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+"  # StringIO takes 4 × the size of a text
+
+_BEGINNING = 1 << 17  # characters in which a row of units and decimal commas are looked for
+_MOST_COLUMNS = 10_000
+
+# Units as they are written, and as they are called here.
+_UNITS = {
+    **{unit: unit for unit in ("s", "ms", "us", "µs", "ns", "rad", "deg", "m", "rad/s", "deg/s")},
+    **{unit: unit for unit in ("m/s", "mm", "N", "Nm", "N·m", "N m", "A", "V", "W", "Hz", "°C")},
+    **dict.fromkeys(("sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("usec", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds"), "ns"),
+    **dict.fromkeys(("°", "degree", "degrees"), "deg"),
+    **dict.fromkeys(("radian", "radians"), "rad"),
+    **dict.fromkeys(("°/s", "degrees/s"), "deg/s"),
+}
+_NO_UNITS = frozenset({"", "-", "1"})
+_SLICE = re.compile(r"\[:\]\{[^{}]*==\s*\\?[\"'](?P<name>[^{}\"'\\]+)\\?[\"']\s*\}")
+_COMMAS = re.compile(
+    r'(?:^|[;\t"])[ ]*[-+]?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?[ ]*(?:$|[;\t"])', re.M
+)
+_POINTS = re.compile(
+    r'(?:^|[;\t"])[ ]*[-+]?[0-9]*\.[0-9]+(?:[eE][-+]?[0-9]+)?[ ]*(?:$|[;\t"])', re.M
+)
 
 # For each joint unit, the accepted column units and their conversion factors.
 POSITION_UNITS = {
@@ -96,6 +122,8 @@ class Table(NamedTuple):
     delimiter :
         What separates the cells: a comma, or a semicolon, a tab or a blank if the header has no
         comma.
+    has_commas :
+        Whether decimals are separated by commas.
     """
 
     header: tuple[str, ...]
@@ -103,13 +131,15 @@ class Table(NamedTuple):
     line: int
     one_line: bool = False
     delimiter: str = ","
+    has_commas: bool = False
 
     @classmethod
     def of(cls, text: str, *, one_line: bool = False) -> Table | None:
         """Return the table whose header is the first nonblank row, or ``None`` if text is blank.
 
         Comments above the header (lines that begin with ``#``) are skipped; where numbers follow
-        them at once, the last one is the header.
+        them at once, the last one is the header. A row of units below the header is taken into it;
+        what ``ros2 topic echo --csv`` writes of joint states gets a header.
 
         Parameters
         ----------
@@ -121,19 +151,52 @@ class Table(NamedTuple):
         Raises
         ------
         InputError
-            The header is not valid CSV.
+            The header is not valid CSV, or has too many columns.
         """
         text = _uncommented(text)
         for part in (text[: text.rfind("\n", 0, _PIECE) + 1], text):  # StringIO takes 4 × its size
             stream, delimiter = io.StringIO(part, newline=""), _delimiter(part)
             try:
                 for line, cells in _rows(stream, 1, one_line, delimiter):
-                    rest = text[stream.tell() :]
-                    return cls(tuple(map(str.strip, cells)), rest, line + 1, one_line, delimiter)
+                    header, rest = tuple(map(str.strip, cells)), text[stream.tell() :]
+                    table = cls(header, rest, line + 1, one_line, delimiter)
+                    return table._understood(part, text)
             except InputError:
                 if part is text:
                     raise
         return None
+
+    def _understood(self, part: str, text: str) -> Table:
+        """Return the table with names and units of its columns in the usual form.
+
+        Raises
+        ------
+        InputError
+            There are too many columns.
+        """
+        if len(self.header) > _MOST_COLUMNS:
+            raise InputError(
+                f"has {len(self.header):,} columns; at most {_MOST_COLUMNS:,} are read"
+            )
+        start = len(text) - len(self.text)
+        below = part[start : start + _BEGINNING]
+        if header := _of_joint_states(self.header):
+            start = text.rfind(text[:start].strip().splitlines()[-1], 0, start)
+            return self._replace(header=header, text=text[start:], line=self.line - 1)
+        units: list[str] = []
+        after = self.line, len(self.text)
+        with suppress(InputError):  # said when the rows are read
+            stream = io.StringIO(below, newline="")
+            line, cells = next(_rows(stream, self.line, self.one_line, self.delimiter), (0, []))
+            units = _units_in(cells) if len(cells) == len(self.header) else []
+            after = line + 1, len(self.text) - stream.tell()
+        names = [_usual(cell) for cell in self.header]
+        table = self
+        if units:
+            names = [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
+            table = self._replace(line=after[0], text=self.text[len(self.text) - after[1] :])
+        has_commas = self.delimiter != "," and _has_decimal_commas(below)
+        return table._replace(header=tuple(names), has_commas=has_commas)
 
     def rows(self) -> Iterator[tuple[int, list[str]]]:
         """Yield the nonblank rows, each with the number of its last line.
@@ -151,7 +214,9 @@ class Table(NamedTuple):
                 )
             yield line, cells
 
-    def same_texts(self, columns: Sequence[int], among: Container[str]) -> list[str]:
+    def same_texts(
+        self, columns: Sequence[int], among: Container[str], first: Sequence[str] = ()
+    ) -> list[str]:
         """Return the texts in columns that have the same text in all rows.
 
         Parameters
@@ -160,13 +225,14 @@ class Table(NamedTuple):
             Column indices, from 0.
         among :
             What some of them should be; if none in the first row is, nothing is returned.
+        first :
+            Those in the first row, if the table is not the first part of a file.
 
         Raises
         ------
         InputError
             As `rows`, or a text differs from that in the first row.
         """
-        first: list[str] = []
         for line, cells in self.rows():
             texts = [cells[i].strip() for i in columns]
             if not any(text in among for text in texts):
@@ -176,7 +242,7 @@ class Table(NamedTuple):
                 where = f"line {line}, {shortened(self.header[columns[i]])}"
                 raise InputError(f"{where}: {texts[i]!r} instead of {first[i]!r} as above")
             first = texts
-        return first
+        return list(first)
 
     def numbers(
         self, columns: Sequence[int], largest: float = LARGEST_NUMBER
@@ -195,6 +261,9 @@ class Table(NamedTuple):
         InputError
             As `rows`, or a cell is not a number of absolute value up to ``largest``.
         """
+        if self.has_commas:
+            plain = self._replace(text=self.text.replace(",", "."), has_commas=False)
+            return plain.numbers(columns, largest)
         try:
             values = np.concatenate([one._numbers_at_once(columns) for one in self._pieces()])
             if not -largest <= values.min(initial=0.0) <= values.max(initial=0.0) <= largest:
@@ -265,15 +334,64 @@ class Table(NamedTuple):
             raise InputError(f"{where}: {problem}") from None
 
 
+def _usual(cell: str) -> str:
+    """Return the name of a column with its unit in brackets; what Foxglove selects, as a path."""
+    cell = _SLICE.sub(r".\g<name>", cell)
+    for opened, closed in ("[]", "()"):
+        name, mark, unit = cell.removesuffix(closed).rpartition(opened)
+        unit = unit.strip()
+        if mark and cell.endswith(closed) and unit in _UNITS and name.strip():
+            return f"{name.strip()} [{_UNITS[unit]}]"
+    return cell
+
+
+def _units_in(cells: list[str]) -> list[str]:
+    """Return the units of a row that holds nothing else, else an empty list."""
+    units = [cell.strip().strip("[]()").strip() for cell in cells]
+    if not any(units) or not all(unit in _UNITS or unit in _NO_UNITS for unit in units):
+        return []
+    return ["" if unit in _NO_UNITS else _UNITS[unit] for unit in units]
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit and not split_unit(name)[1] else name
+
+
+def _has_decimal_commas(text: str) -> bool:
+    """Return whether numbers have decimal commas, and none a point."""
+    return bool(_COMMAS.search(text)) and not _POINTS.search(text)
+
+
+def _of_joint_states(cells: tuple[str, ...]) -> tuple[str, ...]:
+    """Return a header if the cells are those of a joint state, else an empty tuple.
+
+    These are seconds, nanoseconds, the frame, names, and as many positions, velocities and efforts,
+    of which only positions have to be there.
+    """
+    if len(cells) < 5 or not (cells[0].isdecimal() and cells[1].isdecimal()):
+        return ()
+    names = list(takewhile(lambda cell: cell and not _is_number(cell), cells[3:]))
+    numbers = cells[3 + len(names) :]
+    count = len(numbers) // len(names) if names else 0
+    if not 1 <= count <= 3 or count * len(names) != len(numbers):
+        return ()
+    if not all(map(_is_number, numbers)):
+        return ()
+    kinds = ("position", "velocity" if count == 3 else "unknown", "effort")[:count]
+    stamp = ("header.stamp.sec", "header.stamp.nanosec", "header.frame_id")
+    parts = (f"{kind}[{i}]" for kind in ("name", *kinds) for i in range(len(names)))
+    return (*stamp, *parts)
+
+
 def _uncommented(text: str) -> str:
     """Return text with blanks in place of comments above the header, of the same length."""
     last = start = 0
-    while text.startswith("#", start):
+    while text.startswith(("#", "sep="), start):  # the latter is for Excel
         last, start = start, text.find("\n", start) + 1 or len(text)
     if start == 0:
         return text
     end = text.find("\n", start)
-    first = text[start : end if end >= 0 else len(text)].split(",")
+    first = re.split(r"[,;\s]\s*", text[start : end if end >= 0 else len(text)].strip())
     kept = last + 1 if all(map(_is_number, first)) else start  # as numpy.savetxt writes it
     return "".join(c if c in "\r\n" else " " for c in text[:kept]) + text[kept:]
 

@@ -2,7 +2,8 @@
 
 Understood are ``/joint_states/elbow/position`` and the like (PlotJuggler, Foxglove, rqt),
 ``q_elbow`` and ``elbow_position``, positions by number such as ``actual_q_0``, ``q1`` or
-``position[3]``, and columns ``name[3]`` that hold the names of the joints.
+``position[3]``, and columns ``name[3]`` that hold the names of the joints. Units and the paths of
+Foxglove are in their usual form here, see ``ftforce.io.csv_table``.
 """
 
 from __future__ import annotations
@@ -26,7 +27,17 @@ _WISHES = frozenset(
 )
 _OTHERS = frozenset(
     {"tcp", "ee", "eef", "tool", "cartesian", "pose", "motor", "wheel", "base"}
-    | {"torque", "torques", "effort", "efforts", "velocity", "velocities", "current", "temperature"}
+    | {
+        "tau",
+        "torque",
+        "torques",
+        "effort",
+        "efforts",
+        "velocity",
+        "velocities",
+        "current",
+        "temperature",
+    }
 )
 _NEUTRAL = frozenset({"joint", "joints", "j", "actual", "measured", "state", "states", "feedback"})
 _NUMBERED = re.compile(

@@ -134,7 +134,7 @@ def _overload_in_words(analysis: Analysis) -> str:
     if free is not None:  # the tip force that balances these loads the other joints
         names = joined(robot.names[j] for j in free.joints)
         load = f"weight, motion and the force that balances {names}"
-    return f"{load} require {joined(loads)}" if loads else ""
+    return f"{load} require {', and '.join(loads)}" if loads else ""
 
 
 def unbalanced(analysis: Analysis) -> dict[int, float]:

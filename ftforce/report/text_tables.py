@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from ftforce.report.fields import Row
 
+_ROUNDING = 1e-12  # in the unit of a column; a probability, which has none, may be as small
 _DIGITS = 4  # significant ones; all of them are in .csv, .json and .xlsx
 _UNITS = {
     "N·m": r"\newton\metre", "N": r"\newton", "m": r"\metre", "rad": r"\radian", "kg": r"\kilogram",
@@ -40,13 +41,19 @@ _ACCENTS = {
     "\u0328": "k",
 }  # fmt: skip
 _SCRIPTS = {"<super>": "^", "<sub>": "_"}  # as Unicode decomposes ² and ₂
+_PAGE = 330.0  # pt, a little less than the text width of LaTeX's article, as widths are estimates
+_LETTER, _GAP, _POWER = 5.0, 12.0, 22.0  # pt, of its font: a letter, between columns, × 10
+_KEYS = 2 / 3  # of a page at most, for columns that every table repeats
+_LONG = 28  # letters; a longer text is broken into lines
+_NUMBER = re.compile(r"(-?)(\d+)(?:\.(\d+))?(?:e\+?(-?)(\d+))?")
 _HEADING = re.compile(r"(?P<name>.*) \[(?P<unit>[^\]]*)\]")
 
 
 def to_latex(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
     r"""Return rows as a table of booktabs with units of siunitx, to be taken in by ``\input``.
 
-    It may run over several pages. Columns without a value are left out.
+    It may run over several pages. Columns without a value are left out. Columns that do not fit the
+    width of a page follow in further tables, which repeat the columns that tell the rows apart.
 
     Parameters
     ----------
@@ -55,30 +62,94 @@ def to_latex(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
     about :
         Names and texts for the comment above it.
     """
-    rows = _without_empty_columns(rows)
+    rows = _without_rounding(_without_empty_columns(rows))
     said = [f"% {name}: {text}" for name, text in about]
     if not rows:
         return "\n".join([*said, "% no rows", ""])
+    tables = [_longtable([[row[j] for j in kept] for row in rows]) for kept in _blocks(rows)]
+    packages = "% needs \\usepackage{booktabs,siunitx,textcomp,longtable}, siunitx of 2021 or later"
+    return "\n".join([*said, packages, *tables])
+
+
+def _longtable(rows: Sequence[Sequence[Any]]) -> str:
     header, *body = rows
-    numeric = [_is_numeric(row[j] for row in body) for j in range(len(header))]
-    columns = "".join("S" if one else "l" for one in numeric)
-    heads = [f"{{{_latex_heading(str(cell))}}}" for cell in header]
-    lines = [_joined(heads), *(_joined(map(_latex_cell, row, header)) for row in body)]
+    lines = [_joined(map(_latex_cell, row, header)) for row in body]
     return "\n".join(
         [
-            *said,
-            "% needs \\usepackage{booktabs,siunitx,textcomp,longtable}, siunitx of 2021 or later",
-            f"\\begin{{longtable}}{{{columns}}}",
+            f"\\begin{{longtable}}{{{''.join(map(_latex_column, zip(*rows, strict=True)))}}}",
             "\\toprule",
-            lines[0],
+            _joined(f"{{{_latex_heading(str(cell))}}}" for cell in header),
             "\\midrule",
             "\\endhead",
-            *lines[1:],
+            *lines,
             "\\bottomrule",
             "\\end{longtable}",
             "",
         ]
     )
+
+
+def _blocks(rows: Sequence[Row]) -> list[list[int]]:
+    """Return the columns of each table that fits a page; all begin with what tells rows apart."""
+    widths = list(map(_width, zip(*rows, strict=True)))
+    keys = list(range(_key_columns(rows, widths)))
+    blocks = [keys]
+    for j in range(len(keys), len(widths)):
+        if len(blocks[-1]) > len(keys) and sum(widths[i] for i in blocks[-1]) + widths[j] > _PAGE:
+            blocks.append(keys)
+        blocks[-1] = [*blocks[-1], j]
+    return blocks
+
+
+def _key_columns(rows: Sequence[Row], widths: Sequence[float]) -> int:
+    """Return how many of the first columns tell all rows apart; 1 if too many."""
+    for count in range(1, len(widths)):
+        if sum(widths[:count]) > _KEYS * _PAGE:
+            break
+        if len({row[:count] for row in rows}) == len(rows):
+            return count
+    return 1
+
+
+def _width(column: Sequence[Any]) -> float:
+    """Return about how wide a column is, in pt."""
+    heading, *cells = column
+    numbers = list(filter(_is_number, cells))
+    texts = [str(cell) for cell in cells if cell is not None and not _is_number(cell)]
+    kind = _latex_column(column)
+    limit = _LONG if kind.startswith("p") else math.inf
+    letters = [min(max(map(len, texts), default=0), limit), len(str(heading))]
+    power = _POWER if "e" in kind else 0.0
+    digits = sum(map(int, re.findall(r"\d+", kind))) if kind.startswith("S") else 0
+    widest = max(_LETTER * max(letters), _LETTER * (digits + 2) + power if numbers else 0.0)
+    return widest + _GAP
+
+
+def _latex_column(column: Sequence[Any]) -> str:
+    """Return the type of a column, heading first: numbers, text, or text of several lines."""
+    _, *cells = column
+    if _is_numeric(cells) and any(map(_is_number, cells)):
+        return f"S[table-format={_number_format(filter(_is_number, cells))}]"
+    is_long = max(len(_shown(cell)) for cell in cells) > _LONG
+    return f"p{{{_LETTER * _LONG:g}pt}}" if is_long else "l"
+
+
+def _number_format(numbers: Any) -> str:
+    """Return the digits of numbers for siunitx: ``-3.4e-2`` has room for -123.4567e-89."""
+    found = [_NUMBER.fullmatch(_rounded(number)) for number in numbers]
+    parts = [one.groups(default="") for one in found if one is not None]
+    sign, whole, decimals, minus, power = (max(map(len, one)) for one in zip(*parts, strict=True))
+    shown = f"{'-' if sign else ''}{whole}.{decimals}" if decimals else f"{'-' * sign}{whole}"
+    return f"{shown}e{'-' if minus else ''}{power}" if power else shown
+
+
+def _is_number(cell: Any) -> bool:
+    """Return whether a cell is shown as a number."""
+    return isinstance(cell, (int, float)) and not isinstance(cell, bool) and math.isfinite(cell)
+
+
+def _shown(cell: Any) -> str:
+    return _rounded(cell) if isinstance(cell, float) else str(cell)
 
 
 def to_markdown(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
@@ -93,7 +164,7 @@ def to_markdown(rows: Sequence[Row], about: Sequence[tuple[str, str]]) -> str:
     about :
         Names and texts for the line below it.
     """
-    rows = _without_empty_columns(rows)
+    rows = _without_rounding(_without_empty_columns(rows))
     said = " · ".join(f"{name} {_markdown_cell(text)}" for name, text in about)
     if not rows:
         return f"{said}\n"
@@ -112,6 +183,19 @@ def _without_empty_columns(rows: Sequence[Row]) -> list[Row]:
     return [tuple(row[j] for j in kept) for row in rows] if kept else []
 
 
+def _without_rounding(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows with 0 where a quantity with a unit is nothing but rounding error."""
+    if not rows:
+        return []
+    header, *body = rows
+    has_unit = [_HEADING.fullmatch(str(head)) is not None for head in header]
+
+    def cleared(cell: Any, has_unit: bool) -> Any:
+        return 0.0 if has_unit and _is_number(cell) and abs(cell) <= _ROUNDING else cell
+
+    return [header, *(tuple(map(cleared, row, has_unit)) for row in body)]
+
+
 def _is_numeric(cells: Any) -> bool:
     """Return whether a column is one of numbers, of which few cells are texts."""
     found = [cell for cell in cells if cell not in {None, ""}]
@@ -120,7 +204,7 @@ def _is_numeric(cells: Any) -> bool:
 
 
 def _rounded(value: float) -> str:
-    return str(value) if isinstance(value, int) else f"{value:.{_DIGITS}g}"
+    return str(value) if isinstance(value, int) else f"{value + 0.0:.{_DIGITS}g}"  # never -0
 
 
 def _joined(cells: Any) -> str:
@@ -132,7 +216,7 @@ def _latex_cell(value: Any, heading: str) -> str:
         return ""
     if value in _UNITS and heading.endswith("unit"):
         return f"{{\\unit{{{_UNITS[value]}}}}}"
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+    if _is_number(value):
         return _rounded(value)
     return f"{{{_latex_text(str(value))}}}"
 

@@ -106,6 +106,8 @@ def load_robot(
     options = XacroOptions.of(args, package_path)
     if known is not None and options != PLAIN:
         raise InputError(f"{known.name} is a known robot, not a xacro file: it takes no arguments")
+    if srdf is not None and is_xacro(srdf) and is_xacro(source):
+        options = options._replace(are_shared=True)
     tree, semantics, notes = _description(source, known, options, srdf)
     read = partial(robot_element, tree.path, options)
     return _robot(_Source(tree, semantics, known, read, notes), tip, base, posture)
@@ -256,7 +258,7 @@ def _description(
     beside = srdf_beside(Path(tree.path))
     if os.path.lexists(beside):
         return tree, read_srdf(beside), ()
-    found, note = find_moveit(Path(tree.path), tree.name)
+    found, note = find_moveit(tree, beside)
     return tree, found, (note,) if note else ()
 
 
@@ -268,7 +270,7 @@ def _given_srdf(path: str | os.PathLike[str], tree: UrdfTree, options: XacroOpti
     SRDFError
         It cannot be read, or has nothing in common with the URDF.
     """
-    srdf = srdf_of(expand(path, options), path) if is_xacro(path) else read_srdf(path)
+    srdf = srdf_of(expand(path, options).root, path) if is_xacro(path) else read_srdf(path)
     if not srdf.fits(tree):
         robot = f"robot {srdf.name!r}" if srdf.name else "another robot"
         raise SRDFError(path, f"is for {robot}: none of its links and joints are in {tree.path}")

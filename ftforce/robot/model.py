@@ -66,6 +66,10 @@ def full_model(tree: UrdfTree) -> pin.Model:
 def restore_names(model: pin.Model, tree: UrdfTree) -> None:
     """Replace the codes from `UrdfTree.to_xml` in a model by the names of the URDF, in place.
 
+    A link keeps its name: the frame of a fixed joint that has the same one is called
+    ``NAME_joint``, so that Pinocchio finds the link's frame without its type and can reduce the
+    model.
+
     Parameters
     ----------
     model :
@@ -80,6 +84,12 @@ def restore_names(model: pin.Model, tree: UrdfTree) -> None:
         model.names[i] = names[model.names[i]]
     for frame in model.frames:
         frame.name = names.get(frame.name, frame.name)
+    taken = {*model.names.tolist(), *(frame.name for frame in model.frames)}
+    for frame in model.frames:
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.name in tree.links:
+            while frame.name in taken:
+                frame.name += "_joint"
+            taken.add(frame.name)
 
 
 def coordinates_of(chain: Chain, model: pin.Model) -> Coordinates:

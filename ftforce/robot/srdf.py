@@ -14,7 +14,7 @@ from ftforce.io.text import check_name, read_numbers
 from ftforce.io.xml_text import read_xml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
     from os import PathLike
     from xml.etree.ElementTree import Element
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 
 _CHOOSE = "--srdf or srdf= chooses"
+_IS_XACRO = "is a xacro file, so it is evaluated only on request"
+_ARE_XACRO = "are xacro files, so they are evaluated only on request"
 _LEVELS = 4  # from a description to the package.xml of its package, at most
 _MOST = 500  # entries of a folder that are looked at, and SRDFs that are opened
 
@@ -105,30 +107,51 @@ def srdf_of(root: Element, path: str | PathLike[str]) -> Srdf:
     )
 
 
-def find_moveit(description: Path, robot: str) -> tuple[Srdf, str]:
+def find_moveit(tree: UrdfTree, beside: Path) -> tuple[Srdf, str]:
     """Return the SRDF in the MoveIt configuration of a robot, and a note about what was found.
 
     It is looked for where MoveIt's setup assistant puts it, ``*moveit*config*/config/*.srdf``: in
     the package of the description, beside it, and beside the folder around it, nearest first. It
     must name the same robot. Nothing is searched for a description outside of a package.
 
+    Where there is only a xacro file (``.srdf.xacro``), the note says how to read it: it is a
+    program, so it is not evaluated unless the user names it.
+
     Parameters
     ----------
-    description :
-        The URDF or xacro file.
-    robot :
-        Name of the robot in it.
+    tree :
+        Contents of the URDF or xacro file.
+    beside :
+        Path of an SRDF beside it, where there is none.
     """
-    for folder in _around(description):
-        found = list(_srdfs_for(robot, folder))
-        paths = [min(one.path, os.path.relpath(one.path), key=len) for one in found]
+    robot = tree.name
+    programs = [program] if os.path.lexists(program := f"{beside}.xacro") else []
+    for folder in _around(Path(tree.path)):
+        files = list(_files(folder))
+        found = list(_srdfs_for(robot, files))
+        strange = [one for one in found if not one.fits(tree)]  # e.g. without a prefix
+        if strange and len(strange) == len(found):
+            path = printable(_short(found[0].path))
+            return Srdf(), f"{path} is not read: none of its links and joints are in the URDF"
+        found = [one for one in found if one not in strange]
+        paths = [_short(one.path) for one in found]
         if len(found) == 1:
             note = f"tip and postures are those of {printable(paths[0])}; {_CHOOSE} another SRDF"
             return found[0], note
         if found:
             note = f"{len(found)} SRDFs are for {robot!r}, so none is read: {listed(paths)}"
             return Srdf(), f"{note}; {_CHOOSE} one"
-    return Srdf(), ""
+        programs += _programs_for(robot, files)
+    if not programs:
+        return Srdf(), ""
+    paths = [_short(one) for one in dict.fromkeys(map(os.path.abspath, programs))]
+    if len(paths) == 1:
+        return Srdf(), f"{listed(paths)} {_IS_XACRO}: {_CHOOSE} it"
+    return Srdf(), f"{listed(paths)} {_ARE_XACRO}: {_CHOOSE} one"
+
+
+def _short(path: str) -> str:
+    return min(path, os.path.relpath(path), key=len)
 
 
 def _around(description: Path) -> Iterator[Path]:
@@ -140,17 +163,33 @@ def _around(description: Path) -> Iterator[Path]:
             return
 
 
-def _srdfs_for(robot: str, folder: Path) -> Iterator[Srdf]:
-    """Yield the SRDFs of a robot in the MoveIt configurations that are, or are in, a folder."""
-    inside = sorted(_entries(folder))
-    for package in [folder, *(folder / name for name in inside)]:
+def _files(folder: Path) -> Iterator[Path]:
+    """Yield the files in the MoveIt configurations that are, or are in, a folder."""
+    for package in [folder, *(folder / name for name in sorted(_entries(folder)))]:
         if "moveit" in package.name and "config" in package.name and not package.is_symlink():
             for name in sorted(_entries(package / "config")):
                 path = package / "config" / name
-                if path.suffix.lower() == ".srdf" and not path.is_symlink():
-                    with suppress(SRDFError):  # another robot's may be malformed
-                        if (srdf := read_srdf(path)).name == robot:
-                            yield srdf
+                if not path.is_symlink():
+                    yield path
+
+
+def _srdfs_for(robot: str, files: Iterable[Path]) -> Iterator[Srdf]:
+    """Yield the SRDFs of a robot."""
+    for path in files:
+        if path.suffix.lower() == ".srdf":
+            with suppress(SRDFError):  # another robot's may be malformed
+                if (srdf := read_srdf(path)).name == robot:
+                    yield srdf
+
+
+def _programs_for(robot: str, files: Iterable[Path]) -> Iterator[str]:
+    """Yield the xacro files of SRDFs that are a robot's, or whose name only xacro can tell."""
+    for path in files:
+        if path.name.lower().endswith(".srdf.xacro"):
+            with suppress(SRDFError):
+                name = read_xml(path, SRDFError, "an SRDF").root.get("name", "")
+                if name == robot or "$" in name:
+                    yield str(path)
 
 
 def _entries(folder: Path) -> list[str]:

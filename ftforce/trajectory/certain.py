@@ -65,10 +65,6 @@ def certain_cells(
     locks = all(fault.mode is FaultMode.LOCKED for faults in sets for fault in faults.faults)
     if not locks:
         return None
-    moves = bool(motion.v.any())
-    for limits in (question.limits, capability_limits):
-        if moves and limits is not None and limits.line is not None:
-            return None  # other limits at every instant
     robot, task, F, d = question.robot, question.task, question.F, question.direction
     locked = np.array([faults.mask(robot.n) for faults in sets])
     whole = question.scale.weigh_jacobian(frame_jacobians(robot, motion.q, task.axes))
@@ -81,7 +77,7 @@ def certain_cells(
         rnea = _torques(question, motion, locked)
     tolerances = {"rtol": question.rtol, "wary": question.wary}
     if question.limits is not None:
-        middle, largest = _limits(question, sets, question.limits)
+        middle, largest = _limits(question, motion, sets, question.limits)
         cells = within_limits(
             cells, J, rnea, largest, locked=locked, F=F, middle=middle, **tolerances
         )
@@ -91,7 +87,7 @@ def certain_cells(
         jump = np.linalg.norm(task.unweigh_force(cells.jump)[..., rows], axis=2)
     largest, middle = np.full(locked.shape, np.nan), np.zeros(locked.shape)
     if capability_limits is not None:
-        middle, largest = _limits(question, sets, capability_limits)
+        middle, largest = _limits(question, motion, sets, capability_limits)
     unit = task.weighted_unit if d is None else 1.0
     commanded, held = reach_of(
         J, rnea, largest, direction=along, cells=cells, rtol=question.rtol, middle=middle
@@ -106,13 +102,17 @@ def certain_cells(
     )
 
 
-def _limits(question: Question, sets: Sequence[FaultSet], limits: Limits) -> tuple[Matrix, Matrix]:
-    """Return the middles and half widths of the weighted limits with each set, shape (S, n)."""
-    pairs = [
-        middle_and_half(question.scale.weigh_torque(limits.largest_torques(faults)))
-        for faults in sets
-    ]
-    return np.array([middle for middle, _ in pairs]), np.array([half for _, half in pairs])
+def _limits(
+    question: Question, motion: Motion, sets: Sequence[FaultSet], limits: Limits
+) -> tuple[Matrix, Matrix]:
+    """Return the middles and half widths of the weighted limits with each set, shape (S, n).
+
+    With torque-speed lines they follow the motion: shape (N, S, n).
+    """
+    bounds = (np.array(limits.bounds_after(faults, motion.v)) for faults in sets)
+    pairs = [middle_and_half(question.scale.weigh_torque(both)) for both in bounds]
+    middles, halves = zip(*pairs, strict=True)
+    return np.stack(middles, axis=-2), np.stack(halves, axis=-2)
 
 
 def _torques(question: Question, motion: Motion, locked: Mask) -> NDArray[np.float64]:

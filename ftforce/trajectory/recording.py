@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import math
 import re
+from array import array
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from os import PathLike
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from ftforce.robot.robot import Joint, Robot
 
@@ -46,6 +48,12 @@ _TIMES = (  # in this order
     *("elapsed", "elapsed_time"),
 )
 _WITH_UNIT = re.compile(r"(?P<word>_*[a-z]+(?:_time)?)_(?P<unit>s|ms|us|ns)")
+_DATE = re.compile(
+    r"(?P<date>\d{4}-\d\d-\d\d)[T ](?P<time>\d\d:\d\d:\d\d)([.,](?P<fraction>\d+))?"
+    r"\s?(?P<zone>Z|[+-]\d\d:?\d\d)?",
+    re.ASCII,
+)
+_1970 = datetime(1970, 1, 1, tzinfo=UTC)
 _PAIRS = (("sec", "nanosec"), ("secs", "nsecs"), ("sec", "nsec"), ("seconds", "nanoseconds"))
 _TIME_UNITS = {"": 1.0, "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _FASTER = 1.5  # times the velocity limit: faster than that, an angle has been wrapped
@@ -136,8 +144,9 @@ class Recording:
         A header of CSV may carry a unit in brackets: ``t [s]``, ``elbow [deg]``,
         ``v_elbow [rad/s]``; the defaults are s, rad and m. The times are called ``t``, ``time``,
         ``timestamp``, ``stamp`` or ``__time``; without a unit, counts since 1970 in ns, us or ms
-        are recognised. Velocities are columns ``v_…``. Other names of joint columns are those of
-        ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
+        are recognised, and dates of ISO 8601. A sample that repeats the time and positions of the
+        one before is left out. Velocities are columns ``v_…``. Other names of joint columns are
+        those of ``ftforce.io.joint_columns``; columns may have any order, and others are ignored.
 
         Parameters
         ----------
@@ -154,7 +163,8 @@ class Recording:
         ------
         TrajectoryError
             The file cannot be read; a column is missing; a cell is empty or not a number; times do
-            not increase or leave a gap; an angle jumps by a turn that its limits do not allow.
+            not increase, are repeated with other positions, or leave a gap; an angle jumps by a
+            turn that its limits do not allow.
         """
         if is_bag(path):
             return _from_bag(robot, path, max_gap, topic)
@@ -247,6 +257,32 @@ class Sheet(NamedTuple):
             raise InputError(_NO_NUMBERS)
         return values
 
+    def dates(self, columns: Sequence[int]) -> Vector | None:
+        """Return the times in a column of dates, s from the first; ``None`` if it holds numbers.
+
+        Parameters
+        ----------
+        columns :
+            Index of the column, from 0; several are numbers.
+
+        Raises
+        ------
+        InputError
+            The first cell is a date, such as ``2026-11-01T12:00:00.5Z``, and another is not.
+        """
+        first = next(self.table.rows(), None)
+        if first is None or len(columns) != 1 or _nanoseconds(first[1][columns[0]]) is None:
+            return None
+        found = array("q")
+        for line, cells in self.table.rows():
+            cell = cells[columns[0]]
+            if (instant := _nanoseconds(cell)) is None:
+                where = f"line {line}, {shortened(self.table.header[columns[0]])}"
+                raise InputError(f"{where}: {shortened(cell)} is no date and time as above")
+            found.append(instant)
+        since = np.array(found) - found[0]
+        return 1e-9 * since.astype(np.float64)
+
     def place(self, row: int) -> str:
         """Return the location of a row in the file, e.g. ``line 2``.
 
@@ -278,6 +314,19 @@ class Sheet(NamedTuple):
             raise TrajectoryError(self.path, printable(problem)) from None
 
 
+def _nanoseconds(cell: str) -> int | None:
+    """Return the time since 1970 of a date and time of ISO 8601, ns; UTC if it has no zone."""
+    if (found := _DATE.fullmatch(cell.strip())) is None:
+        return None
+    zone = found["zone"] or "Z"
+    try:
+        since = datetime.fromisoformat(f"{found['date']}T{found['time']}{zone}") - _1970
+    except (ValueError, OverflowError):  # such as a month 13
+        return None
+    fraction = int((found["fraction"] or "")[:9].ljust(9, "0"))
+    return (since.days * 86_400 + since.seconds) * 1_000_000_000 + fraction
+
+
 def _table(text: str) -> Table:
     table = Table.of(text)
     if table is None:
@@ -304,31 +353,75 @@ def recording_of(robot: Robot, sheet: Sheet, max_gap: float | None = None) -> Re
     """
     try:
         times, columns, notes = _columns(robot, sheet)
-        numbers, scales = zip(*columns.values(), strict=True)
-        k = len(times.columns)
-        values = sheet.numbers((*times.columns, *numbers), _LARGEST_TIME)
-        if np.abs(values[:, k:]).max() > _LARGEST:
-            sheet.numbers(numbers)  # which says where
-        if times.scales != (1.0,) and abs(values[0, 0] * times.scales[0]) > _SINCE_1970:
-            values[:, :k] -= values[0, :k]  # first, which loses no digits
-        values *= (*times.scales, *scales)
-        t = values[:, :k].sum(axis=1)
-        if not times.has_unit:
-            t, unit = _in_seconds(t)
-            notes += (f"the times have no unit and are taken for {unit}",) * bool(unit)
+        t, values, said = _values(sheet, times, columns)
+        kept, repeated = _distinct(robot, t, values[:, : robot.n], sheet.place)
+        t, values = t[kept], values[kept]
+
+        def place(row: int) -> str:
+            return sheet.place(int(kept[row]))
+
         if len(t) < 4:
             raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
-        _check_times(read_only(t), max_gap, sheet.place)
+        _check_times(read_only(t), max_gap, place)
         step = float(np.median(np.diff(t)))
         if (np.diff(t) == 1.0).all() or (not times.has_unit and step >= _SLOWEST):
             how = "one by one" if step == 1.0 else f"by {step:g}"
-            notes = (*notes, f"the times count seconds {how}; for others, write t [ms] or [us]")
-        q = read_only(values[:, k : k + robot.n].copy())
-        q, unwrapped = _unwrapped(robot, t, q, sheet.place)
+            said = (*said, f"the times count seconds {how}; for others, write t [ms] or [us]")
+        q = read_only(values[:, : robot.n].copy())
+        q, unwrapped = _unwrapped(robot, t, q, place)
     except InputError as problem:
         raise TrajectoryError(sheet.path, printable(problem)) from None
-    v = read_only(values[:, k + robot.n :].copy()) if len(numbers) > robot.n else None
-    return Recording(t, q, v, sheet.path, (*notes, *unwrapped))
+    v = read_only(values[:, robot.n :].copy()) if len(columns) > robot.n else None
+    return Recording(t, q, v, sheet.path, (*notes, *said, *repeated, *unwrapped))
+
+
+def _values(
+    sheet: Sheet, times: _Times, columns: Mapping[str, tuple[int, float]]
+) -> tuple[Vector, Matrix, tuple[str, ...]]:
+    """Return the times, s, the columns of the joints, in rad or m, and notes."""
+    numbers, scales = zip(*columns.values(), strict=True)
+    if (dates := sheet.dates(times.columns)) is not None:
+        return dates, sheet.numbers(numbers) * scales, ()
+    k = len(times.columns)
+    values = sheet.numbers((*times.columns, *numbers), _LARGEST_TIME)
+    if np.abs(values[:, k:]).max() > _LARGEST:
+        sheet.numbers(numbers)  # which says where
+    if times.scales != (1.0,) and abs(values[0, 0] * times.scales[0]) > _SINCE_1970:
+        values[:, :k] -= values[0, :k]  # first, which loses no digits
+    values *= (*times.scales, *scales)
+    t = values[:, :k].sum(axis=1)
+    unit = ""
+    if not times.has_unit:
+        t, unit = _in_seconds(t)
+    said = (f"the times have no unit and are taken for {unit}",) * bool(unit)
+    return t, values[:, k:], said
+
+
+def _distinct(
+    robot: Robot, t: Vector, q: Matrix, place: Callable[[int], str]
+) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+    """Return the rows without those that repeat the one before, time and positions, and a note.
+
+    Raises
+    ------
+    InputError
+        A time is repeated with different positions: which of them are right, is not known.
+    """
+    again = np.diff(t) == 0.0
+    same = again & (q[1:] == q[:-1]).all(axis=1)
+    if (again & ~same).any():
+        i = int((again & ~same).argmax())
+        k = int((q[i + 1] != q[i]).argmax())
+        raise InputError(
+            f"{place(i + 1)}: the time {t[i + 1]:.12g} s appears twice; times must increase, and "
+            f"these positions differ ({robot.names[k]}: {q[i, k]:.6g} and {q[i + 1, k]:.6g})"
+        )
+    kept = np.flatnonzero(np.concatenate([[True], ~same]))
+    if not same.any():
+        return kept, ()
+    first, count = place(int(same.argmax()) + 1), int(same.sum())
+    what = "one sample that repeats" if count == 1 else f"{count:,} samples that repeat"
+    return kept, (f"{what} time and positions of the one before (first at {first}) left out",)
 
 
 def _from_bag(
@@ -337,14 +430,21 @@ def _from_bag(
     """Return the recorded motion in a bag, see `Recording.read`."""
     try:
         motion = read_motion(path, robot.names, topic)
-        if len(motion.t) < 4:
-            raise InputError(f"a recording needs 4 or more samples, got {len(motion.t)}")
-        _check_times(motion.t, max_gap, _sample)
-        q, unwrapped = _unwrapped(robot, motion.t, read_only(motion.q), _sample)
+        kept, repeated = _distinct(robot, motion.t, motion.q, _sample)
+        t, q = motion.t[kept], motion.q[kept]
+
+        def place(row: int) -> str:
+            return _sample(int(kept[row]))
+
+        if len(t) < 4:
+            raise InputError(f"a recording needs 4 or more samples, got {len(t)}")
+        _check_times(t, max_gap, place)
+        q, unwrapped = _unwrapped(robot, t, read_only(q), place)
     except InputError as problem:
         raise TrajectoryError(path, printable(problem)) from None
-    v = None if motion.v is None else read_only(motion.v)
-    return Recording(read_only(motion.t), q, v, printable(path), (*motion.notes, *unwrapped))
+    v = None if motion.v is None else read_only(motion.v[kept])
+    notes = (*motion.notes, *repeated, *unwrapped)
+    return Recording(read_only(t), q, v, printable(path), notes)
 
 
 def _sample(row: int) -> str:
@@ -385,6 +485,7 @@ def _columns(
         )
     said = [f"the times are column {shortened(times.name)}"] * (times.name != "t")
     numbers = {*times.columns, *(number for number, _ in found.values())}
+    said += ["decimals are separated by commas"] * sheet.table.has_commas
     rest = [shortened(cell) for i, cell in enumerate(given) if i not in numbers]
     if rest:
         said.append(f"columns that are no times or joints are ignored: {listed(rest)}")
@@ -415,7 +516,7 @@ def _time_columns(header: tuple[str, ...], joints: Mapping[str, object]) -> _Tim
         name, unit = split_unit(cell)
         if cell in joints or name in joints:
             continue
-        word = re.split(r"[/.]", name)[-1].lower()
+        word = re.split(r"[/.]", name.partition("(")[0].rstrip())[-1].lower()  # time (receive)
         if found := _WITH_UNIT.fullmatch(word):
             word, unit = found["word"], unit or found["unit"]
         candidates.setdefault(word, []).append((i, name, unit))

@@ -503,10 +503,8 @@ def _cells(
     shape = len(motion.q), len(sets)
     jump, margin, capability, held = (np.full(shape, math.nan) for _ in range(4))
     verdict, exerted = np.zeros(shape, dtype=np.int8), np.zeros((shape[0], question.task.m))
-    largest = [
-        None if capability_limits is None else question.largest_torques(faults, capability_limits)
-        for faults in sets
-    ]
+    has_line = capability_limits is not None and capability_limits.line is not None
+    largest = _largest(question, sets, capability_limits)
     count = max(_AT_ONCE // (len(sets) * question.robot.n), 1)
     for start in range(0, shape[0], count):
         here = slice(start, start + count)
@@ -523,6 +521,8 @@ def _cells(
             at = start + i
             case = SharedCase.of(question.at(Posture(q, "along the trajectory"), v, a))
             exerted[at] = 0.0 if case.F is None else case.F
+            if has_line:  # other limits at every speed
+                largest = _largest(case.question, sets, capability_limits)
             for j in np.flatnonzero(~done[i]).tolist():
                 reduced = case.reduce(sets[j])
                 report = report_set(case, sets[j], reduced)
@@ -534,6 +534,13 @@ def _cells(
                 capability[at, j], held[at, j] = both
         tick(len(part.q))
     return _Cells(*map(read_only, (exerted, jump, margin, capability, held, verdict)))
+
+
+def _largest(
+    question: Question, sets: Iterable[FaultSet], limits: Limits | None
+) -> list[Vector | None]:
+    """Return the weighted limits of the capability with each set, at the question's velocity."""
+    return [None if limits is None else question.largest_torques(one, limits) for one in sets]
 
 
 def _check_count(instants: int, all_sets: AllFaultSets) -> None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ftforce.errors import FtforceError, out_of_memory
 from ftforce.view.model.answer import answer
-from ftforce.view.model.state import HEALTHY, command_line
+from ftforce.view.model.state import HEALTHY, command_line, initial_state
 from ftforce.view.modes import Mode
 from ftforce.view.page.answer import static_page
 from ftforce.view.page.panel import Panel
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     import viser
 
+    from ftforce.analysis.analyze import Analysis
     from ftforce.core.arrays import Vector
     from ftforce.robot.robot import Robot
     from ftforce.view.geometry.meshes import Geometry
@@ -406,6 +407,39 @@ class Session:
                 client.add_notification("Saving failed", problem, color="red")
         finally:
             self._saving.release()
+
+
+def open_page(result: Analysis, *, port: int | None = None) -> Session:
+    """Open the page on this machine, with the question of an analysis and the arm's meshes.
+
+    Parameters
+    ----------
+    result :
+        The analysis. Without a force or torques the page starts with 20 N along each axis.
+    port :
+        Port to listen on; by default the first free one.
+
+    Returns
+    -------
+    :
+        The open page, to be closed: a context manager. `Session.address_for_browser` is its URL,
+        `Session.page` and `Session.png` export it, and `Session.run` keeps it open until Ctrl-C.
+
+    Raises
+    ------
+    FtforceError
+        The extra ``view`` is not installed, or the port is taken.
+    """
+    has_limits = result.limits is not None
+    state = initial_state(result.question, are_limits_given=has_limits)
+    session = Session(result.robot, state, port=port)
+    try:
+        session.load_geometry()
+        session.settle()
+    except BaseException:
+        session.close()
+        raise
+    return session
 
 
 def _file_name(robot: Robot) -> str:

@@ -7,8 +7,9 @@ row of each piece form an index that locates any row.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -17,11 +18,12 @@ from ftforce.errors import InputError
 from ftforce.io.csv_table import Table
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Container, Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from ftforce.core.arrays import Matrix
+    from ftforce.io.joint_columns import NamesIn
 
 PIECE = 1 << 18  # bytes
 _MARK = b"\xef\xbb\xbf"  # UTF-8 byte order mark
@@ -77,7 +79,10 @@ class CsvReader:
         return np.concatenate(blocks)[skipped : skipped + stop - start].copy()
 
 
-def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) -> CsvReader:
+Choose: TypeAlias = "Callable[[tuple[str, ...], NamesIn], tuple[int, ...]]"
+
+
+def open_csv(path: str, choose: Choose) -> CsvReader:
     """Read a file once completely, check it, and index its rows.
 
     Parameters
@@ -85,7 +90,8 @@ def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) ->
     path :
         The file.
     choose :
-        Function that maps the names of all columns to the indices of those to read.
+        Function that maps the names of all columns to the indices of those to read; its second
+        argument returns the texts in some columns, which are the same in all rows.
 
     Raises
     ------
@@ -96,15 +102,11 @@ def open_csv(path: str, choose: Callable[[tuple[str, ...]], tuple[int, ...]]) ->
     """
     with Path(path).open("rb") as stream:
         table, offset = _header(stream.read(PIECE))
-        columns, line = choose(table.header), table.line
-        stream.seek(offset)
+        columns = choose(table.header, partial(_same_texts, stream, table, offset))
         starts, offsets = [0], [offset]
-        for piece in _pieces(stream):
-            text = _decoded(piece, f"after line {line - 1}")
-            rows = table._replace(text=text, line=line).numbers(columns)
-            starts.append(starts[-1] + len(rows))
-            offsets.append(offsets[-1] + len(piece))
-            line += text.count("\n") + text.count("\r") - text.count("\r\n")
+        for part, size in _parts(stream, table, offset):
+            starts.append(starts[-1] + len(part.numbers(columns)))
+            offsets.append(offsets[-1] + size)
     if not starts[-1]:
         raise InputError("has a header but no postures")
     return CsvReader(table, columns, read_only(np.array(starts)), read_only(np.array(offsets)))
@@ -118,6 +120,28 @@ def _header(data: bytes) -> tuple[Table, int]:
     if table is None:
         raise InputError("has no header with the joint names")
     return table._replace(text=""), len(complete) - len(table.text.encode())
+
+
+def _parts(stream: BinaryIO, table: Table, offset: int) -> Iterator[tuple[Table, int]]:
+    """Yield the table in parts, and their sizes in bytes."""
+    line = table.line
+    stream.seek(offset)
+    for piece in _pieces(stream):
+        text = _decoded(piece, f"after line {line - 1}")
+        yield table._replace(text=text, line=line), len(piece)
+        line += text.count("\n") + text.count("\r") - text.count("\r\n")
+
+
+def _same_texts(
+    stream: BinaryIO, table: Table, offset: int, columns: Sequence[int], among: Container[str]
+) -> list[str]:
+    """Return the texts in columns that have the same text in all rows, as `Table.same_texts`."""
+    texts: list[str] = []
+    for part, _ in _parts(stream, table, offset):
+        texts = part.same_texts(columns, among, texts)
+        if not texts:
+            break
+    return texts
 
 
 def _pieces(stream: BinaryIO) -> Iterator[bytes]:

@@ -18,14 +18,15 @@ from ftforce.batch.postures.npy_parquet import matched, open_npy, open_parquet
 from ftforce.batch.postures.postures import checked_block
 from ftforce.core.arrays import read_only
 from ftforce.errors import FtforceError, InputError, TrajectoryError, printable
-from ftforce.io.bag import ENDINGS, read_motion
-from ftforce.io.joint_columns import joint_columns
+from ftforce.io.bag import ENDINGS, is_bag, read_motion
+from ftforce.io.bag_files import files_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from os import PathLike
 
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.io.joint_columns import NamesIn
     from ftforce.robot.robot import Robot
 
 _FORMATS = ("npy", "csv", "parquet", *(ending[1:] for ending in ENDINGS))
@@ -59,9 +60,9 @@ class Stamp(NamedTuple):
 
     @classmethod
     def of(cls, path: str) -> Stamp:
-        """Return the stamp of a file."""
-        about = Path(path).stat()
-        return cls(about.st_size, about.st_mtime_ns)
+        """Return the stamp of a file, or of a bag's folder with all of its files."""
+        about = [file.stat() for file in _files(path)]
+        return cls(sum(one.st_size for one in about), max(one.st_mtime_ns for one in about))
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,16 +161,18 @@ def postures_from_file(
 ) -> FilePostures:
     """Open a file of postures, which may be larger than memory unless it is a bag.
 
-    CSV files (with a header) and Parquet files have one named column per joint, in any order;
-    other columns are ignored. A column name may end with a unit in brackets, ``elbow [deg]``. An
-    NPY file holds an array of shape (k, n). Postures outside the joint limits are kept.
+    CSV files and Parquet files have one named column per joint, in any order, or columns in another
+    form of ``ftforce.io.joint_columns``; other columns are ignored. A column name may end with a
+    unit in brackets, ``elbow [deg]``. An NPY file holds an array of shape (k, n). Postures outside
+    the joint limits are kept.
 
     Parameters
     ----------
     robot :
         The arm.
     path :
-        The file, with extension ``.npy``, ``.csv``, ``.parquet``, ``.mcap``, ``.db3`` or ``.bag``.
+        The file, with extension ``.npy``, ``.csv``, ``.parquet``, ``.mcap``, ``.db3`` or ``.bag``,
+        or the folder of a bag.
     degrees :
         Whether angles without a unit are in degrees; those of a bag never are.
     topic :
@@ -191,25 +194,28 @@ def postures_from_file(
     >>> postures = postures_from_file(robot, "fleet.parquet")  # doctest: +SKIP
     """
     form = Path(path).suffix.lower().removeprefix(".")
-    if form not in _FORMATS:
+    bagged = is_bag(path)
+    if form not in _FORMATS and not bagged:
         raise InputError(f"{printable(path)}: unknown file extension; expected {_KIND}")
-    is_bag = f".{form}" in ENDINGS
-    if (topic is not None and not is_bag) or (degrees and is_bag):
-        what = "degrees" if is_bag else f"topic {topic!r}"
-        raise InputError(f"{printable(path)}: a .{form} file has no {what}")
+    if (topic is not None and not bagged) or (degrees and bagged):
+        what = "degrees" if bagged else f"topic {topic!r}"
+        kind = "the folder of a bag" if Path(path).is_dir() else f"a .{form} file"
+        raise InputError(f"{printable(path)}: {kind} has no {what}")
     try:
         file = _checked_file(path)
         stamp = Stamp.of(file)
         if not stamp.size:
             raise InputError(f"is empty; expected {_KIND}")
-        if is_bag:
+        notes: tuple[str, ...] = ()
+        if bagged:
             motion = read_motion(file, robot.names, topic)
             notes = tuple(note for note in motion.notes if not note.startswith("the times"))
             opened: tuple[Reader, Vector] = _Read(motion.q), read_only(np.ones(robot.n))
+        elif form == "csv":
+            reader, scales, notes = _open_csv(robot, file, degrees)
+            opened = reader, scales
         else:
-            notes, opened = (), _OPEN[form](robot, file, degrees)
-            if isinstance(opened[0], CsvReader):
-                _, notes = joint_columns(opened[0].table.header, robot.names)
+            opened = _OPEN[form](robot, file, degrees)
         postures = FilePostures(file, *opened, stamp, _sha256(file), notes)
         postures._check_unchanged()
     except MemoryError:
@@ -229,8 +235,17 @@ def _as_error(path: str | PathLike[str], problem: Exception) -> FtforceError:
     return TrajectoryError(path, f"is damaged or not {_KIND}: {printable(problem)}")
 
 
+def _files(path: str) -> list[Path]:
+    """Return a file, or the files in the folder of a bag."""
+    file = Path(path)
+    return [file / "metadata.yaml", *files_of(file)] if file.is_dir() else [file]
+
+
 def _checked_file(path: str | PathLike[str]) -> str:
     file = Path(path)
+    if is_bag(file):
+        files_of(file)
+        return str(file.absolute())
     if not file.exists():
         raise InputError(f"no such file; expected {_KIND}")
     if not file.is_file():  # blocks are read in any order, which a pipe does not support
@@ -240,19 +255,24 @@ def _checked_file(path: str | PathLike[str]) -> str:
 
 
 def _sha256(path: str) -> str:
-    with Path(path).open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for file in _files(path):
+        with file.open("rb") as stream:
+            while piece := stream.read(1 << 16):
+                digest.update(piece)
+    return digest.hexdigest()
 
 
-def _open_csv(robot: Robot, path: str, degrees: bool) -> tuple[CsvReader, Vector]:
-    scales: list[Vector] = []
+def _open_csv(robot: Robot, path: str, degrees: bool) -> tuple[CsvReader, Vector, tuple[str, ...]]:
+    found: list[tuple[Vector, tuple[str, ...]]] = []
 
-    def choose(header: tuple[str, ...]) -> tuple[int, ...]:
-        columns, found = matched(robot, header, degrees)
-        scales.append(found)
+    def choose(header: tuple[str, ...], names_in: NamesIn) -> tuple[int, ...]:
+        columns, scales, notes = matched(robot, header, degrees, names_in)
+        found.append((scales, notes))
         return columns
 
-    return open_csv(path, choose), scales[0]
+    reader = open_csv(path, choose)
+    return reader, *found[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,6 +292,5 @@ class _Read:
 
 _OPEN: dict[str, Callable[[Robot, str, bool], tuple[Reader, Vector]]] = {
     "npy": open_npy,
-    "csv": _open_csv,
     "parquet": open_parquet,
 }

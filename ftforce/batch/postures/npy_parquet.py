@@ -19,12 +19,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ftforce.core.arrays import Matrix, Vector
+    from ftforce.io.joint_columns import NamesIn
     from ftforce.robot.robot import Robot
 
 _ROWS = 1 << 16  # rows checked at a time
 
 
-def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple[int, ...], Vector]:
+def matched(
+    robot: Robot, header: tuple[str, ...], degrees: bool, names_in: NamesIn | None = None
+) -> tuple[tuple[int, ...], Vector, tuple[str, ...]]:
     """Return the columns of a robot's joints in a table.
 
     Parameters
@@ -35,18 +38,22 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
         Names of all columns; that of a joint may end with a unit in brackets, ``elbow [deg]``.
     degrees :
         Whether angles without a unit are in degrees.
+    names_in :
+        As in `joint_columns`.
 
     Returns
     -------
     :
-        The column of each joint, from 0, and the factor that converts it to rad or m, shape (n,).
+        The column of each joint, from 0, the factor that converts it to rad or m, shape (n,), and
+        what was decided.
 
     Raises
     ------
     InputError
         A joint is missing, appears twice, or has an invalid unit.
     """
-    header, _ = joint_columns(header, robot.names)
+    given = header
+    header, notes = joint_columns(header, robot.names, names_in)
     units = {joint.name: POSITION_UNITS[joint.unit] for joint in robot.joints}
     if degrees:
         units = {name: {**known, "": known.get("deg", 1.0)} for name, known in units.items()}
@@ -54,10 +61,10 @@ def matched(robot: Robot, header: tuple[str, ...], degrees: bool) -> tuple[tuple
     if missing := [name for name in robot.names if name not in columns]:
         raise InputError(
             f"missing column{'s' if len(missing) > 1 else ''}: {listed(missing)}; expected one "
-            f"column per joint, with its name; columns found: {listed(header)}"
+            f"column per joint, with its name; columns found: {listed(given)}"
         )
     numbers, scales = zip(*(columns[name] for name in robot.names), strict=True)
-    return numbers, read_only(np.array(scales))
+    return numbers, read_only(np.array(scales)), notes
 
 
 def _check_numbers(blocks: Iterator[Matrix], names: tuple[str, ...]) -> None:
@@ -265,7 +272,7 @@ def open_parquet(robot: Robot, path: str, degrees: bool) -> tuple[ParquetReader,
     with _parquet_file(path) as file:
         schema, about = file.schema_arrow, file.metadata
         groups = [about.row_group(g).num_rows for g in range(about.num_row_groups)]
-    columns, scales = matched(robot, tuple(schema.names), degrees)
+    columns, scales, _ = matched(robot, tuple(schema.names), degrees)
     for i in columns:
         _check_type(schema.field(i))
     if not sum(groups):

@@ -35,6 +35,7 @@ JointType: TypeAlias = Literal["revolute", "prismatic"]
 Solid: TypeAlias = Literal["thin rod", "solid cylinder"]
 
 BASE, TIP, TIP_JOINT = "base", "tool", "tool_joint"
+FLANGE, FLANGE_JOINT = "flange", "flange_joint"
 _MAX_ROWS = 148  # with base and tool, the depth of a URDF that can be loaded
 
 
@@ -107,6 +108,26 @@ class DHRow:
 
 
 @dataclass(frozen=True)
+class DHFlange:
+    """The last row of a DH table if it has no joint: the constant transform to the tool.
+
+    Attributes
+    ----------
+    a, alpha, d, theta :
+        As in `DHRow`: m, rad.
+    """
+
+    a: float
+    alpha: float
+    d: float
+    theta: float
+
+    def __post_init__(self) -> None:
+        for key in ("a", "alpha", "d", "theta"):
+            _check_number(getattr(self, key), key)
+
+
+@dataclass(frozen=True)
 class MassModel:
     """The solid by which all links are modelled; `dh_to_urdf` computes its inertia.
 
@@ -150,6 +171,8 @@ class DHTable:
         Named joint positions, rad or m, shape (n,) each.
     source :
         File that the table was read from, or ``None``.
+    flange :
+        Constant transform from the last joint's frame to the tool; ``None`` if they coincide.
     """
 
     name: str
@@ -158,6 +181,7 @@ class DHTable:
     mass: MassModel | None = None
     postures: Mapping[str, Vector] = field(default_factory=dict)
     source: Path | None = None
+    flange: DHFlange | None = None
 
     def __post_init__(self) -> None:
         _check_name(self.name, "name")
@@ -181,7 +205,8 @@ class DHTable:
         if self.mass is not None and self.mass.density is None and not all(with_mass):
             where = _numbered([i for i, has_mass in enumerate(with_mass, start=1) if not has_mass])
             raise InputError(f"{where}: missing key 'mass' (or 'density' in the table mass)")
-        _check_distinct(*self.joint_names, TIP_JOINT, *self.link_names)
+        joints = (TIP_JOINT,) if self.flange is None else (FLANGE_JOINT, TIP_JOINT)
+        _check_distinct(*self.joint_names, *joints, *self.link_names)
         postures = {name: self._checked_posture(name, q) for name, q in self.postures.items()}
         object.__setattr__(self, "postures", MappingProxyType(postures))
 
@@ -208,12 +233,12 @@ class DHTable:
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of the n+2 links: ``base``, one per joint, ``tool``."""
+        """Names of the links: ``base``, one per joint, ``flange`` if there is one, ``tool``."""
         links = (row.link or f"link{i}" for i, row in enumerate(self.rows, start=1))
-        return (BASE, *links, TIP)
+        return (BASE, *links, TIP) if self.flange is None else (BASE, *links, FLANGE, TIP)
 
     def transforms(self, q: ArrayLike) -> Matrix:
-        """Return the poses of DH frames 0 to n in the base frame.
+        """Return the poses of DH frames 0 to n, and of the flange, in the base frame.
 
         With Z = Rot_z(θ) Trans_z(d) and X = Rot_x(α) Trans_x(a), the transform of a row is Z X in
         the standard convention (Spong, Hutchinson & Vidyasagar, eq. 3.10) and X Z in the modified
@@ -227,7 +252,8 @@ class DHTable:
         Returns
         -------
         :
-            Homogeneous transforms, shape (n+1, 4, 4); the last one is the tip.
+            Homogeneous transforms, shape (n+1, 4, 4), or (n+2, 4, 4) with a flange; the last one is
+            the tip.
 
         Raises
         ------
@@ -238,9 +264,14 @@ class DHTable:
         poses = [np.eye(4)]
         for row, variable in zip(self.rows, q.tolist(), strict=True):
             turn, shift = (variable, 0.0) if row.type == "revolute" else (0.0, variable)
-            X, Z = _along_x(row.alpha, row.a), _along_z(row.theta + turn, row.d + shift)
-            poses.append(poses[-1] @ (Z @ X if self.convention == "standard" else X @ Z))
+            poses.append(poses[-1] @ self._step(row, turn, shift))
+        if self.flange is not None:
+            poses.append(poses[-1] @ self._step(self.flange, 0.0, 0.0))
         return read_only(np.array(poses))
+
+    def _step(self, row: DHRow | DHFlange, turn: float, shift: float) -> Matrix:
+        X, Z = _along_x(row.alpha, row.a), _along_z(row.theta + turn, row.d + shift)
+        return Z @ X if self.convention == "standard" else X @ Z
 
     def _checked_posture(self, name: str, values: ArrayLike) -> Vector:
         _check_name(name, "posture name")
@@ -359,6 +390,9 @@ def _arguments_of_table(text: str) -> dict[str, Any]:
             if "radius" in solid:
                 solid["radius"] = units.length(solid["radius"])
             entries["mass"] = MassModel(**solid)
+    if "flange" in entries:
+        with _within("flange"):
+            entries["flange"] = _flange(entries["flange"], units)
     rows = _rows(entries["rows"], units)
     postures = _postures(entries.get("postures", {}), rows, units)
     return entries | {"rows": rows, "postures": postures}
@@ -375,7 +409,7 @@ class _Units(NamedTuple):
         return self.length if kind == "prismatic" else self.angle
 
 
-_TABLE, _OPTIONAL = ("name", "convention", "units", "rows"), ("mass", "postures")
+_TABLE, _OPTIONAL = ("name", "convention", "units", "rows"), ("mass", "postures", "flange")
 _UNITS = ("length", "angle")
 
 
@@ -392,6 +426,7 @@ def _check_missing(content: Mapping[str, Any]) -> None:
         ("", content, _TABLE, _OPTIONAL),
         ("units", content.get("units"), _UNITS, ()),
         ("mass", content.get("mass"), *_keys(MassModel)),
+        ("flange", content.get("flange"), *_keys(DHFlange)),
     ]
     for i, row in enumerate(rows if isinstance(rows, list) else (), start=1):
         tables.append((str(i), row, *_keys(DHRow)))
@@ -451,6 +486,12 @@ def _rows(entries: object, units: _Units) -> tuple[DHRow, ...]:
     return tuple(rows)
 
 
+def _flange(entry: object, units: _Units) -> DHFlange:
+    values = _arguments(DHFlange, entry, text=())
+    lengths = {key: units.length(values[key]) for key in ("a", "d")}
+    return DHFlange(**lengths, **{key: units.angle(values[key]) for key in ("alpha", "theta")})
+
+
 def _postures(entries: object, rows: tuple[DHRow, ...], units: _Units) -> dict[str, list[float]]:
     if not isinstance(entries, dict):
         raise InputError(f"postures must be a table of named lists, got {brief(entries)}")
@@ -467,7 +508,7 @@ def _postures(entries: object, rows: tuple[DHRow, ...], units: _Units) -> dict[s
 
 
 def _arguments(
-    kind: type[DHRow | MassModel], entry: object, text: tuple[str, ...]
+    kind: type[DHRow | DHFlange | MassModel], entry: object, text: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return the values of a table, checked to be numbers except for the keys in ``text``."""
     values = _checked_keys(entry, *_keys(kind))
@@ -476,7 +517,7 @@ def _arguments(
     }
 
 
-def _keys(kind: type[DHRow | MassModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _keys(kind: type[DHRow | DHFlange | MassModel]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the required and the optional keys of a table."""
     required = tuple(f.name for f in fields(kind) if f.default is MISSING)
     return required, tuple(f.name for f in fields(kind) if f.default is not MISSING)

@@ -6,7 +6,8 @@ Frames
     the origin of the next joint, ``xyz = (a cos θ, a sin θ, d)`` and ``rpy = (α, 0, θ)``: exactly
     the angles of the table. θ and d come from row i; a and α from row i in the standard convention
     and from row i+1 in the modified one, whose first a and α belong to the base. The last transform
-    is a fixed joint to the link ``tool``, which is DH frame n.
+    is a fixed joint to the link ``tool``, which is DH frame n; with a flange, it leads to the link
+    ``flange``, and a second fixed joint to ``tool``.
 Unknown limits and masses
     URDF requires effort and velocity limits; 0 means unknown. Without a mass model the links
     have no ``<inertial>``.
@@ -27,14 +28,22 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ftforce.errors import DHTableError, OutputError, URDFError
-from ftforce.robot.formats.dh import BASE, TIP, TIP_JOINT, DHTable, cos_sin
+from ftforce.robot.formats.dh import (
+    BASE,
+    FLANGE,
+    FLANGE_JOINT,
+    TIP,
+    TIP_JOINT,
+    DHTable,
+    cos_sin,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
 
     from ftforce.core.arrays import Matrix
-    from ftforce.robot.formats.dh import Convention, DHRow, MassModel
+    from ftforce.robot.formats.dh import Convention, DHFlange, DHRow, MassModel
 
 _Triple: TypeAlias = tuple[float, float, float]
 _ZERO = (0.0, 0.0, 0.0)
@@ -224,11 +233,16 @@ def write_robot(table: DHTable, path: str | PathLike[str]) -> tuple[Path, Path]:
 
 
 def _bodies(table: DHTable) -> list[Body]:
-    along_z = [(0.0, 0.0), *((row.theta, row.d) for row in table.rows)]
-    along_x = [(row.a, row.alpha) for row in table.rows]
+    rows: list[DHRow | DHFlange] = [*table.rows]
+    if table.flange is not None:
+        rows.append(table.flange)
+    along_z = [(0.0, 0.0), *((row.theta, row.d) for row in rows)]
+    along_x = [(row.a, row.alpha) for row in rows]
     along_x.insert(0 if table.convention == "standard" else len(along_x), (0.0, 0.0))
     masses = [None, *(row.mass for row in table.rows)]
     centres = [None, *(_centre_of(row, table.convention) for row in table.rows)]
+    if table.flange is not None:  # it has no mass of its own
+        masses, centres = [*masses, None], [*centres, None]
     steps = zip(table.link_names[:-1], along_z, along_x, masses, centres, strict=True)
     return [Body(name, *z, *x, mass, centre) for name, z, x, mass, centre in steps]
 
@@ -254,7 +268,8 @@ def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
 
     radius = _radius(table)
     link = yourdfpy.Link(body.name)
-    if body.name != BASE and table.mass is not None:
+    is_massless = body.name == BASE or (table.flange is not None and body.name == FLANGE)
+    if not is_massless and table.mass is not None:
         with np.errstate(over="ignore", invalid="ignore"):  # _check_inertia rejects the result
             mass, centre, inertia = _inertia_of(body, table.mass)
         _check_inertia(inertia, body, table.mass, table)
@@ -262,7 +277,7 @@ def _link(body: Body, table: DHTable, origins: list[Origin]) -> Any:
     for rod in body.rods:
         cylinder = yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius, rod.length))
         link.visuals.append(yourdfpy.Visual(None, _noted(rod.origin, origins), cylinder))
-    if body.name != BASE and not body.rods:
+    if not is_massless and not body.rods:
         ball = yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius))
         link.visuals.append(yourdfpy.Visual(None, _noted(Origin(_ZERO), origins), ball))
     return link
@@ -273,11 +288,16 @@ def _joints(table: DHTable, bodies: list[Body], origins: list[Origin]) -> list[A
 
     joints = []
     named_rows = zip(table.joint_names, table.rows, strict=True)
-    for (name, row), (parent, child) in zip(named_rows, pairwise(bodies), strict=True):
+    moved_bodies = bodies if table.flange is None else bodies[:-1]
+    for (name, row), (parent, child) in zip(named_rows, pairwise(moved_bodies), strict=True):
         origin = _noted(parent.end, origins)
         limit = yourdfpy.Limit(row.effort or 0, row.velocity or 0, row.lower, row.upper)
         moved = (name, row.type, parent.name, child.name, origin, np.array([0, 0, 1]))
         joints.append(yourdfpy.Joint(*moved, limit=limit))
+    if table.flange is not None:
+        last = moved_bodies[-1]
+        origin = _noted(last.end, origins)
+        joints.append(yourdfpy.Joint(FLANGE_JOINT, "fixed", last.name, FLANGE, origin))
     origin = _noted(bodies[-1].end, origins)
     return [*joints, yourdfpy.Joint(TIP_JOINT, "fixed", bodies[-1].name, TIP, origin)]
 

@@ -153,11 +153,40 @@ def _reason(problem: Exception) -> str:
 
 
 class _Mesh(NamedTuple):
-    """A mesh that a geom shows: its file as written, its scale along its axes, and its name."""
+    """A mesh that a geom shows.
+
+    Attributes
+    ----------
+    file :
+        Its file as written; empty if the model itself has the vertices.
+    scale :
+        Its scale along its axes.
+    name :
+        Its name.
+    origin, turned :
+        Frame of the mesh in that of its vertices: ``refpos``, and ``refquat`` beginning with the
+        real part.
+    """
 
     file: str
     scale: tuple[float, ...]
     name: str
+    origin: tuple[float, ...] = (0.0, 0.0, 0.0)
+    turned: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether a URDF can describe it, which scales a mesh before it is turned."""
+        is_straight = not any(self.turned[1:]) or len(set(self.scale)) == 1
+        return bool(self.file) and is_straight
+
+    def placement(self) -> pin.SE3:
+        """Return the placement of the scaled vertices of the file in the frame of the mesh.
+
+        MuJoCo's vertices are ``S Rᵀ (v - p)``.
+        """
+        turned = _pose(np.array(self.scale) * self.origin, np.array(self.turned))
+        return turned.inverse()
 
 
 class _Meshes(NamedTuple):
@@ -171,11 +200,14 @@ class _Meshes(NamedTuple):
         Files that MuJoCo is given, by the names of the meshes.
     without_mass :
         Geoms whose mass follows from a mesh that cannot be read.
+    colliding :
+        Geoms that collide as the file has them.
     """
 
     shown: dict[str, _Mesh]
     contents: dict[str, bytes]
     without_mass: set[str]
+    colliding: set[str]
 
 
 def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
@@ -187,17 +219,22 @@ def _without_meshes(spec: Any, mujoco: Any, text: MjcfText | None) -> _Meshes:
     needing = (kinds.mjGEOM_MESH, kinds.mjGEOM_HFIELD, kinds.mjGEOM_SDF)
     for mesh in spec.meshes:
         mesh.name = mesh.name or Path(mesh.file).stem  # MuJoCo's own default
-    files = {one.name: _Mesh(one.file, tuple(one.scale.tolist()), one.name) for one in spec.meshes}
-    found = _Meshes({}, {}, set())
+    files = {one.name: _mesh(one) for one in spec.meshes}
+    found = _Meshes({}, {}, set(), set())
     for body in spec.bodies:
         for geom in body.geoms:
             if geom.type not in needing and not geom.meshname:
                 continue
             mesh = files.get(geom.meshname)
             geom.name = f"mesh {len(found.shown)} of {body.name}"
+            if geom.contype or geom.conaffinity:
+                found.colliding.add(geom.name)
             geom.contype = geom.conaffinity = 0  # or MuJoCo would compute a convex hull
             found.shown[geom.name] = mesh or _Mesh("", (1.0, 1.0, 1.0), "")
             if _decides_on_mass(spec, body, geom):
+                if mesh and text and not mesh.file:  # its vertices are in the text
+                    found.contents[mesh.name] = b""
+                    continue
                 data = text.content(mesh.file) if mesh and text else None
                 if mesh and data is not None:
                     found.contents[mesh.name] = data
@@ -213,6 +250,8 @@ def _give_contents(spec: Any, contents: dict[str, bytes]) -> None:
     """Give MuJoCo the content of meshes, and remove all others."""
     assets = {}
     for number, mesh in enumerate(list(spec.meshes)):
+        if mesh.name in contents and not mesh.file:
+            continue
         if mesh.name in contents:
             mesh.file = f"{number}{Path(mesh.file).suffix.lower()}"
             assets[mesh.file] = contents[mesh.name]
@@ -220,6 +259,12 @@ def _give_contents(spec: Any, contents: dict[str, bytes]) -> None:
             spec.delete(mesh)
     spec.meshdir = ""
     spec.assets = assets
+
+
+def _mesh(mesh: Any) -> _Mesh:
+    """Return what is needed of a mesh of MuJoCo."""
+    scale, origin, turned = (tuple(x.tolist()) for x in (mesh.scale, mesh.refpos, mesh.refquat))
+    return _Mesh(mesh.file, scale, mesh.name, origin, turned)
 
 
 def _decides_on_mass(spec: Any, body: Any, geom: Any) -> bool:
@@ -516,21 +561,31 @@ class _Conversion:
         model = self.model
         first = int(model.body_geomadr[i])
         geoms = range(first, first + int(model.body_geomnum[i]))
-        seen = [g for g in geoms if not (model.geom_contype[g] or model.geom_conaffinity[g])]
-        for g in seen or geoms:
+        for g in [g for g in geoms if not self._collides(g)] or geoms:
             at = _pose(model.geom_pos[g], model.geom_quat[g])
             mesh = self.meshes.shown.get(model.geom(g).name)
             if mesh is not None:
-                if mesh.file:  # one that is missing is a rod
-                    file = self.text.mesh(mesh.file) or self.text.missing(mesh.file)
-                    scale = " ".join(map(repr, mesh.scale))
-                    given = {"filename": str(file), "scale": scale}
-                    add_shape(link, at * self._uncentred(mesh), "mesh", given)
+                self._add_mesh(link, at, mesh)
                 continue
             kind = self.word(self.mujoco.mjtGeom, model.geom_type[g], "mjGEOM_")
             for shape, place, size in _shapes(kind, model.geom_size[g].tolist()):
                 sizes = {key: " ".join(map(repr, x)) for key, x in size.items()}
                 add_shape(link, at * pin.SE3(np.eye(3), np.array(place)), shape, sizes)
+
+    def _collides(self, g: int) -> bool:
+        model = self.model
+        is_colliding = bool(model.geom_contype[g] or model.geom_conaffinity[g])
+        return is_colliding or model.geom(g).name in self.meshes.colliding
+
+    def _add_mesh(self, link: Element, at: pin.SE3, mesh: _Mesh) -> None:
+        """Add a mesh; one that is missing, or that a URDF cannot describe, is a rod in the page."""
+        if not mesh.name:  # a height field is no part of an arm
+            return
+        given = {}
+        if mesh.is_drawn:
+            file = self.text.mesh(mesh.file) or self.text.missing(mesh.file)
+            given = {"filename": str(file), "scale": " ".join(map(repr, mesh.scale))}
+        add_shape(link, at * self._uncentred(mesh) * mesh.placement(), "mesh", given)
 
     def _uncentred(self, mesh: _Mesh) -> pin.SE3:
         """Return the frame of a mesh file in that of its geom, which MuJoCo moves to its centre."""
@@ -586,7 +641,6 @@ def _shapes(kind: str, size: list[float]) -> list[_Shape]:
         return [tube]
     if kind == "capsule":
         return [tube, *((ball[0], (0.0, 0.0, z), ball[2]) for z in (-b, b))]
-    if kind == "ellipsoid":  # the inscribed box: a URDF has no ellipsoid
-        edge = 2 / math.sqrt(3)
-        return [("box", _HERE, {"size": (edge * a, edge * b, edge * c)})]
+    if kind == "ellipsoid":  # not of URDFs, but the page draws it
+        return [("ellipsoid", _HERE, {"radii": (a, b, c)})]
     return []  # a plane has no size

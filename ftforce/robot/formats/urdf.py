@@ -44,6 +44,10 @@ _SMALLEST_MOMENT = 1e-12  # kg·m², 1 mg at 1 mm; smaller negative moments are 
 _DIAGONAL = frozenset({"ixx", "iyy", "izz"})
 _ZERO3: Numbers = (0.0, 0.0, 0.0)
 _X: Numbers = (1.0, 0.0, 0.0)  # default axis of the URDF format
+_ONLY_MACROS = (
+    "expands to no <link>: it may only define macros; give the file that uses them, often "
+    "NAME.urdf.xacro"
+)
 _NEVER_EVALUATED = (
     "contains xacro that is not expanded, and a .urdf is never evaluated; a xacro file needs a "
     "name that ends in .xacro"
@@ -147,7 +151,10 @@ def robot_element(path: str | PathLike[str], options: XacroOptions = PLAIN) -> X
 def _converted(path: str | PathLike[str], options: XacroOptions) -> Converted:
     """Return the URDF of a file of any format."""
     if is_xacro(path):
-        return Converted(_checked_root(expand(path, options), path))
+        root, notes = expand(path, options)
+        if root.tag == "robot" and root.find("link") is None:
+            raise URDFError(path, _ONLY_MACROS)
+        return Converted(_checked_root(root, path), notes)
     if is_dh_table(path):
         _refuse_options(path, options)
         from ftforce.robot.formats.dh import read_dh_table  # not needed for a URDF

@@ -7,27 +7,33 @@ whose name ends in ``.xacro`` are expanded; a URDF never is.
 from __future__ import annotations
 
 import re
+import sys
 import threading
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import redirect_stderr, suppress
+from io import StringIO, TextIOBase
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ftforce.errors import InputError, URDFError, listed, printable
 from ftforce.io.text import read_text
-from ftforce.io.xml_text import parse_xml
+from ftforce.io.xml_text import XmlFile, parse_xml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
+    from typing import TextIO
     from xml.dom.minidom import Document
-    from xml.etree.ElementTree import Element
 
     from xacrodoc import XacroDoc
 
 _INSTALL = "to expand it, install xacrodoc: pip install 'ftforce[xacro]'"
 _NO_PACKAGE = r"Package not found: (\S+)"
 _NO_ARGUMENT = r"[Uu]ndefined substitution argument (\S+)"
+_DECLARED = r"""<xacro:arg\s[^>]*?\bname\s*=\s*["']([^"']+)"""
+_USED = r"\$\(\s*arg\s+([^\s)]+)"
+_WARNING = r"^\W*(?:\[\d*m)?warning: (.*?)\s*$"
+_MOST_WARNINGS = 5
 _expanding = threading.Lock()  # xacro keeps its state in globals
 
 
@@ -40,10 +46,13 @@ class XacroOptions(NamedTuple):
         Values of its ``<xacro:arg>``, with their names.
     packages :
         Folders in which, and below which, ``$(find package)`` looks for packages.
+    are_shared :
+        Whether the values are for another file, too, so that some may be unknown.
     """
 
     args: tuple[tuple[str, str], ...] = ()
     packages: tuple[Path, ...] = ()
+    are_shared: bool = False
 
     @classmethod
     def of(
@@ -101,8 +110,8 @@ def is_xacro(path: str | PathLike[str]) -> bool:
     return str(path).lower().endswith(".xacro")
 
 
-def expand(path: str | PathLike[str], options: XacroOptions) -> Element:
-    """Return the root element of the URDF that a xacro file describes.
+def expand(path: str | PathLike[str], options: XacroOptions) -> XmlFile:
+    """Return the root element of the URDF that a xacro file describes, and what xacro warns of.
 
     Packages are looked for in the given folders, then among the parent folders of the file, then
     where ROS has them; by their package.xml, or else by the name of the folder.
@@ -118,13 +127,16 @@ def expand(path: str | PathLike[str], options: XacroOptions) -> Element:
     ------
     URDFError
         xacrodoc is not installed, or xacro cannot expand the file.
+    InputError
+        The file has no argument of a given name: xacro itself would ignore the value.
     """
     try:
         from xacrodoc import packages
     except ImportError:
         raise URDFError(path, f"is a xacro file; {_INSTALL}") from None
     text = read_text(path, URDFError, "a xacro file")
-    with _expanding:
+    printed = _OfThisThread(sys.stderr)
+    with _expanding, redirect_stderr(printed):
         before = packages._finder
         try:
             packages.reset()
@@ -134,13 +146,64 @@ def expand(path: str | PathLike[str], options: XacroOptions) -> Element:
             found = _expanded(text, path, options)
             _find_meshes(found.dom, packages.get_path)
             expanded = found.dom.toxml()
-        except MemoryError:
-            raise  # the machine's, not a flaw of the file
+            _check_arguments(text, path, options)
+        except (MemoryError, InputError):
+            raise  # the machine's or the caller's, not a flaw of the file
         except Exception as problem:  # whatever a program may raise
             raise URDFError(path, _reason(problem, options)) from None
         finally:
             packages._finder = before  # what others who use xacrodoc have set
-    return parse_xml(expanded, path, URDFError)
+    return XmlFile(parse_xml(expanded, path, URDFError), tuple(_warnings(printed.text())))
+
+
+class _OfThisThread(TextIOBase):
+    """Keeps what the thread that made it prints; what others print goes on to the stream."""
+
+    def __init__(self, stream: TextIO | None) -> None:
+        self._stream, self._kept, self._owner = stream, StringIO(), threading.get_ident()
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        if threading.get_ident() == self._owner:
+            return self._kept.write(text)
+        return len(text) if self._stream is None else self._stream.write(text)
+
+    def text(self) -> str:
+        """Return what was kept."""
+        return self._kept.getvalue()
+
+
+def _warnings(printed: str) -> Iterator[str]:
+    """Yield what xacro warned of, once; it says so for every use of a macro."""
+    found = dict.fromkeys(re.findall(_WARNING, printed, re.MULTILINE))
+    if found:
+        yield f"xacro warns: {printable('; '.join([*found][:_MOST_WARNINGS]))}"
+
+
+def _check_arguments(text: str, path: str | PathLike[str], options: XacroOptions) -> None:
+    """Check that the file, or one that it includes, has the arguments that are given.
+
+    Raises
+    ------
+    InputError
+        It has none of that name.
+    """
+    import xacro
+
+    if not options.args or options.are_shared:
+        return
+    texts = [text]
+    for file in dict.fromkeys(xacro.all_includes):
+        with suppress(OSError, UnicodeError):
+            texts.append(Path(file).read_text(encoding="utf-8"))
+    declared, used = (
+        dict.fromkeys(name for one in texts for name in re.findall(pattern, one))
+        for pattern in (_DECLARED, _USED)
+    )
+    for name, _ in options.args:
+        if name not in {*declared, *used}:
+            has = f"only {listed(map(printable, declared))}" if declared else "nor any other"
+            raise InputError(f"{printable(path)} has no argument {printable(repr(name))}, {has}")
 
 
 def _expanded(text: str, path: str | PathLike[str], options: XacroOptions) -> XacroDoc:
@@ -151,6 +214,7 @@ def _expanded(text: str, path: str | PathLike[str], options: XacroOptions) -> Xa
     named = {folder.name: folder for folder in _folders(path, options)}
     while True:
         xacro.init_stacks(str(path))  # what it includes is relative to it
+        xacro.all_includes.clear()
         try:
             return XacroDoc.from_string(text, dict(options.args), resolve_packages=False)
         except Exception as problem:

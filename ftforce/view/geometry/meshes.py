@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 MAX_SHOWN = 70_000  # triangles; more are too slow in a browser without a GPU
 MAX_TOTAL = 200_000_000  # bytes of all mesh files of a robot; the known robots have up to 21 MB
 _ROD = 0.03  # radius of a link without a mesh, as a share of the arm's reach
+_NOT_DRAWN = "a mesh without a file of its own, or turned and stretched, is shown as a rod"
 _UNSCALED = (1.0, 1.0, 1.0)
 _GROWTH = 1.4  # least factor between grid cells
 _MAX_SCALES = 8  # of a mesh, for each of which it is decimated by itself
@@ -107,7 +108,7 @@ def load_geometry(robot: Robot) -> Geometry:
     notes = [*visuals.notes, *notes]
     if not pieces and not without_mesh:
         without_mesh = set(range(robot.model.njoints))
-        notes.append("the URDF has no visual geometry: links are shown as rods")
+        notes.append("the robot has no visual geometry: links are shown as rods")
     from_files = {piece.joint for piece in pieces if piece.is_from_file}
     meshes = [(piece.joint, _placed(piece)) for piece in _decimated(pieces)]
     meshes += [(joint, mesh) for joint in sorted(without_mesh) for mesh in _rods(robot, joint)]
@@ -160,7 +161,10 @@ class _MeshFiles:
         """Return the mesh of a visual; ``None`` if it is not available."""
         path = visual.path
         if path is None:
-            self._problems[visual.named] = f"mesh {printable(visual.named)!r} was not found"
+            problem = f"mesh {printable(visual.named)!r} was not found"
+            if not visual.named:
+                problem = f"link {printable(visual.link)!r}: {_NOT_DRAWN}"
+            self._problems[visual.named or visual.link] = problem
             return None
         if path not in self._meshes:
             self._meshes[path] = self._read(path)
@@ -197,6 +201,8 @@ def _simple(visual: Visual) -> Trimesh:
         return shapes.box(*visual.size)
     if visual.shape == "cylinder":
         return shapes.cylinder(*visual.size)
+    if visual.shape == "ellipsoid":
+        return shapes.sphere(1.0).apply_scale(visual.size)
     return shapes.sphere(*visual.size)
 
 

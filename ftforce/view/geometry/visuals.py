@@ -30,8 +30,13 @@ MESH_EXTENSIONS = (".stl", ".dae", ".obj")
 _MAX_VISUALS = 5_000  # far more than any robot has
 MAX_LENGTH = 1e3  # m; anything larger cannot be part of an arm
 
-_NUMBERS = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
-_COUNT = {"size": 3, "radius": 1, "length": 1}
+_NUMBERS = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "ellipsoid": ("radii",),  # of MJCF files
+}
+_COUNT = {"size": 3, "radius": 1, "length": 1, "radii": 3}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,14 +50,15 @@ class Visual:
     placement :
         Homogeneous transform from shape to link axes, m, shape (4, 4).
     shape :
-        ``box``, ``cylinder``, ``sphere`` or ``mesh``.
+        ``box``, ``cylinder``, ``sphere``, ``ellipsoid`` or ``mesh``.
     size :
-        Box: x, y, z, m; cylinder: radius and length, m; sphere: radius, m; mesh: scale along
-        x, y, z.
+        Box: x, y, z, m; cylinder: radius and length, m; sphere: radius, m; ellipsoid: radii along
+        x, y, z, m; mesh: scale along x, y, z.
     path :
         Mesh file; ``None`` if it was not found, and for other shapes.
     named :
-        Mesh file name as given in the URDF; empty for other shapes.
+        Mesh file name as given in the URDF; empty for other shapes, and for a mesh of an MJCF file
+        that is in no file by itself.
     """
 
     link: str
@@ -171,11 +177,13 @@ def _visual(link: str, element: Element, urdf: Path) -> Visual:
     geometry = element.find("geometry")
     kinds = [] if geometry is None else [child for child in geometry if child.tag in _SHAPES]
     if not kinds:
-        raise ValueError(f"it has no {', '.join(_SHAPES[:-1])} or {_SHAPES[-1]}")
+        raise ValueError("it has no box, cylinder, sphere or mesh")
     placement, shape = _placement(element.find("origin")), kinds[0]
     if shape.tag == "mesh":
         named = shape.get("filename", "").strip()
         scale = _read(shape.get("scale", "1 1 1"), 3, "scale")
+        if not shape.attrib:
+            return Visual(link, placement, "mesh", scale)
         return Visual(link, placement, "mesh", scale, find_mesh(named, urdf), named)
     size = _sizes(shape)
     return Visual(link, placement, shape.tag, size)

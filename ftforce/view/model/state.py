@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ftforce.analysis.conditions import INVERSES, Conditions, Inverse
+from ftforce.analysis.drives import choose_drives
 from ftforce.analysis.limits_files import NONE, URDF, choose_limits
 from ftforce.analysis.question import Question, limits_for
 from ftforce.core.arrays import Vector, as_vector, read_only
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ftforce.analysis.drives import Drives
     from ftforce.analysis.friction import Friction
     from ftforce.core.limits import Limits
     from ftforce.robot.dynamics import Payload
@@ -139,8 +139,8 @@ class State:
         How the user specified the arm.
     shown :
         What the page shows.
-    drives :
-        Friction and rotor inertia of the drives; ``None`` if they do not count.
+    joint_friction, armature :
+        Whether friction and rotor inertia of the drives count.
     """
 
     posture: Posture
@@ -165,7 +165,8 @@ class State:
     friction: Friction | None
     origin: Origin
     shown: Shown = field(default_factory=Shown)
-    drives: Drives | None = None
+    joint_friction: bool = False
+    armature: bool = False
 
     @property
     def q(self) -> Vector:
@@ -309,6 +310,14 @@ class State:
         """Return the question with or without gravity."""
         return replace(self, weighs=weighs)
 
+    def rubbing(self, rubs: bool) -> State:
+        """Return the question with or without Coulomb and viscous friction of the drives."""
+        return replace(self, joint_friction=rubs)
+
+    def with_rotors(self, counts: bool) -> State:
+        """Return the question with or without rotor inertia of the drives."""
+        return replace(self, armature=counts)
+
     def carrying(self, payload: Payload | None) -> State:
         """Return the question with a payload at the tip."""
         return replace(self, payload=payload)
@@ -330,6 +339,7 @@ class State:
         # Positions set on the page are checked against the joint limits here.
         is_given = self.posture.source == "given"
         gravity = self.gravity
+        limits = self.limits if self.counts_limits else None
         return Question(
             robot,
             self.task,
@@ -339,12 +349,14 @@ class State:
                 self.payload,
                 self.velocity,
                 self.acceleration,
-                self.drives,
+                choose_drives(
+                    robot, limits, joint_friction=self.joint_friction, armature=self.armature
+                ),
             ),
             force=self.force,
             torque=self.asked_torque,
             direction=None,
-            limits=self.limits if self.counts_limits else None,
+            limits=limits,
             inverse=self.inverse,
             rtol=self.rtol,
             wary=self.wary,
@@ -359,7 +371,8 @@ class State:
         vectors = (self.force, self.asked_torque, self.velocity, self.acceleration, self.gravity)
         plain = (self.load, self.counts_limits, self.inverse, self.task, self.rtol, self.wary)
         weighed = self.scale.effective_length
-        return (*(None if x is None else x.tobytes() for x in vectors), *plain, weighed)
+        drives = self.joint_friction, self.armature
+        return (*(None if x is None else x.tobytes() for x in vectors), *plain, weighed, *drives)
 
     def census_essence(self) -> tuple[object, ...]:
         """Return what the census depends on: states that agree in it share their census."""
@@ -382,6 +395,7 @@ def initial_state(
         Whether the user chose the limits, or none; otherwise they apply if a joint is weak.
     """
     robot, conditions, faults = question.robot, question.conditions, question.faults
+    drives = conditions.drives
     state = State(
         posture=question.place,
         is_start=question.place.source != "given",
@@ -403,7 +417,8 @@ def initial_state(
         wary=question.wary,
         scale=question.scale,
         friction=question.given_friction,
-        drives=conditions.drives,
+        joint_friction=drives is not None and drives.has_friction,
+        armature=drives is not None and drives.has_armature,
         origin=_origin_of(robot) if origin is None else origin,
     )
     return state.with_faults(faults)
@@ -413,7 +428,7 @@ def _origin_of(robot: Robot) -> Origin:
     if robot.path:
         return Origin(robot.path)
     note = "The arm is made of a Pinocchio model; the command needs a file of the same arm."
-    return Origin(robot.name, note=note)
+    return Origin(f"{robot.name}.urdf", tip=robot.tip, note=note)  # not a known robot's name
 
 
 def command_line(robot: Robot, state: State) -> str:
@@ -458,9 +473,8 @@ def command_line(robot: Robot, state: State) -> str:
     given = (f"--{option}={value}" for option, value in options.items() if value)
     words = [word for name, value in origin.xacro.args for word in ("--arg", f"{name}={value}")]
     words += [word for one in origin.xacro.packages for word in ("--package-path", str(one))]
-    if state.drives is not None:
-        words += ["--joint-friction"] if state.drives.has_friction else []
-        words += ["--armature"] if state.drives.has_armature else []
+    words += ["--joint-friction"] if state.joint_friction else []
+    words += ["--armature"] if state.armature else []
     return shlex.join(["ftforce", "analyze", _argument(origin.robot), *words, *given])
 
 

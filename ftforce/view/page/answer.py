@@ -132,7 +132,8 @@ def answer_part(answer: Answer) -> Markup:
     analysis = answer.analysis
     settings = facts(situation(analysis), "question")
     question = element("details", element("summary", "Analysis settings"), settings)
-    torques = load_table(answer.loads, analysis.rnea.is_known)
+    moves = analysis.conditions.moves
+    torques = load_table(answer.loads, analysis.rnea.is_known, moves=moves)
     tables = torques, force_table(analysis), measures(answer)
     return block(*tables, question, testid="answer")
 

@@ -212,6 +212,10 @@ class Panel:
         self._number(
             "payload", "Payload (kg)", _set_payload, 0.1, "At the tip", min=0.0, max=maximum
         )
+        hint = "Coulomb and viscous friction of the moving joints, from the robot or limits file"
+        self._checkbox("joint_friction", "Joint friction", State.rubbing, hint)
+        hint = "Reflected inertia of the motors' rotors, from the robot or limits file"
+        self._checkbox("armature", "Rotor inertia", State.with_rotors, hint)
         hint = "Forces that can be exerted before and after the fault; a polytope needs limits"
         self._choice("solid", "Force set", SOLIDS, _option("solid"), hint)
         self._checkbox("weakest", "Weakest direction", _option("weakest"))
@@ -361,6 +365,7 @@ class Panel:
                 self._controls[name].show(values[name])
             visible = {f"factor{i}": mode == FaultMode.WEAK for i, mode in enumerate(state.modes)}
             visible |= dict.fromkeys(("moment", "length"), bool(state.task.moment_rows))
+            visible |= _visible_drives(state)
             for name in visible.keys() & self._controls.keys():
                 assign(self._controls[name].handle, "visible", visible[name])
 
@@ -378,6 +383,8 @@ class Panel:
             "length": task.length,
             "limits": state.counts_limits,
             "gravity": state.weighs,
+            "joint_friction": state.joint_friction,
+            "armature": state.armature,
             "payload": 0.0 if state.payload is None else state.payload.mass,
             "solid": shown.solid,
             "weakest": shown.weakest,
@@ -464,6 +471,16 @@ class Panel:
             if k < len(labels):
                 assign(button, "label", labels[k])
                 assign(button, "color", VERDICT_COLOURS[reports[k].verdict])
+
+
+def _visible_drives(state: State) -> dict[str, bool]:
+    """Return which switches of the drives can make a difference; those that are on are shown."""
+    is_running, is_speeding_up = state.velocity is not None, state.acceleration is not None
+    has_rotors = is_running or is_speeding_up or state.inverse == "dynamic"
+    return {
+        "joint_friction": is_running or state.joint_friction,
+        "armature": has_rotors or state.armature,
+    }
 
 
 def _tasks(task: str) -> tuple[str, ...]:

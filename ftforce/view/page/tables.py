@@ -27,7 +27,11 @@ if TYPE_CHECKING:
 
 
 def load_table(
-    loads: Sequence[JointLoad], has_masses: bool, names: tuple[str, str] = ("before", "after")
+    loads: Sequence[JointLoad],
+    has_masses: bool,
+    names: tuple[str, str] = ("before", "after"),
+    *,
+    moves: bool = False,
 ) -> Markup:
     """Return the motor torques, with a bar for each one's share of its limit.
 
@@ -39,10 +43,13 @@ def load_table(
         Whether the URDF has masses, so that gravity torques are known.
     names :
         Headings of the two columns.
+    moves :
+        Whether motion torques are among them.
     """
     units = {load.unit for load in loads}
     unit = units.pop() if len(units) == 1 else "N·m, N"
-    title = f"Motor torque [{unit}], " + ("gravity included" if has_masses else "gravity unknown")
+    parts = "gravity and motion" if moves else "gravity"
+    title = f"Motor torque [{unit}], {parts} {'included' if has_masses else 'unknown'}"
     columns = [
         ("#", "l", "31px"),
         ("joint", "l", ""),
