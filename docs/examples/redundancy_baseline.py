@@ -4,7 +4,7 @@ The Panda's tool goes along a line, its orientation kept: by resolved rates, by 
 with its manipulability task, and by `ftforce.plan`. The margin after the worst fault comes from
 Pinocchio's Jacobians and NumPy's singular values alone.
 
-``python docs/examples/redundancy_baseline.py`` prints the table of docs/guides/plan.md. It needs
+``python docs/examples/redundancy_baseline.py`` prints the numbers of docs/guides/plan.md. It needs
 pink (``pip install pin-pink``) and takes about ten seconds.
 """
 
