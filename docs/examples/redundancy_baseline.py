@@ -5,7 +5,7 @@ with its manipulability task, and by `ftforce.plan`. The margin after the worst 
 Pinocchio's Jacobians and NumPy's singular values alone.
 
 ``python docs/examples/redundancy_baseline.py`` prints the numbers of docs/guides/plan.md. It needs
-pink (``pip install pin-pink``) and takes about ten seconds.
+pink (``pip install pin-pink``) and takes about twenty seconds.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ SPEED = 0.1  # m/s
 TIP = "panda_hand_tcp"
 FRAME_COST = 1.0  # per m and per rad
 COSTS = (1e-3, 1e-2, 1e-1)  # of the manipulability: the best for pink counts
+RESTARTS = 20
 SETTLING = 1000  # steps of 10 ms
 STEPS = 4  # of pink, per instant of the plan
 RATE = 0.1  # 1/s, pink's default
@@ -90,6 +91,19 @@ def follow(model: pin.Model, q: Array, targets: list[pin.SE3], t: Array, cost: f
     return np.array(path)
 
 
+def random_starts(model: pin.Model, target: pin.SE3) -> Array:
+    """Return postures that pink finds from random ones, the most manipulable first."""
+    rng, found = np.random.default_rng(0), []
+    for _ in range(RESTARTS):
+        q = rng.uniform(model.lowerPositionLimit, model.upperPositionLimit)
+        count, step = SETTLING // 2, 0.01
+        q = follow(model, q, [target] * count, np.arange(count) * step, COSTS[1])[-1]
+        if off_path(model, q[None], [target]) < 1e-3:
+            found.append(q)
+    starts = np.array(found)
+    return starts[np.argsort(-manipulability(model, starts))]
+
+
 def off_path(model: pin.Model, path: Array, targets: list[pin.SE3]) -> float:
     """Return the largest distance of the tip from the path, m."""
     reached = poses(model, path)
@@ -114,7 +128,7 @@ def compare() -> dict[str, Array]:
     def settled(q: Array, cost: float) -> Array:  # where pink goes if it may choose the start
         return follow(model, q, targets[:1] * SETTLING, np.arange(SETTLING) * 0.01, cost)[-1]
 
-    def best(start: Array, *, settles: bool = False) -> tuple[str, Array]:
+    def best(start: Array, *, settles: bool = False) -> tuple[str, Array | None]:
         found = []
         for cost in COSTS:
             q = settled(start, cost) if settles else start
@@ -122,17 +136,22 @@ def compare() -> dict[str, Array]:
             if off_path(model, path, targets) < 1e-3:
                 worst = margins(model, path).min(axis=1)
                 found.append((worst.min(), worst.mean(), cost, path))
+        if not found:  # a joint meets its limit, and the tip leaves the line
+            return "", None
         _, _, cost, path = max(found, key=lambda one: one[:2])
         return f"(cost {cost:g})", path
 
     by_cost, steered = best(usual[0])
     by_own, own = best(usual[0], settles=True)
+    starts = random_starts(model, targets[0])
+    by_many, many = next(one for one in map(best, starts) if one[1] is not None)
     by_last, last = best(free.after.q[0])
     paths = {
         "usual (resolved rates)": (usual, targets[::STEPS]),
         "pink, no manipulability task": (follow(model, usual[0], targets, fine, 0.0), targets),
         f"pink, same start {by_cost}": (steered, targets),
         f"pink, its own start {by_own}": (own, targets),
+        f"pink, best random start {by_many}": (many, targets),
         f"pink, the plan's start {by_last}": (last, targets),
         "ftforce.plan, same start": (kept.after.q, targets[::STEPS]),
         "ftforce.plan, free start": (free.after.q, targets[::STEPS]),
