@@ -92,6 +92,16 @@ SESSIONS = {
     "timeline": [
         "timeline panda --to 0.4,0.3,0.4 --speed 0.2 --rate 20 --mode free --force 0,0,30",
     ],
+    "posture": ["posture panda --like default"],
+    "reach": ["reach panda --soften --release"],
+    "plan-locked": [
+        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation "
+        "--locked 4@1s",
+    ],
+    "plan-guarantee": [
+        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation "
+        "--guarantee",
+    ],
     "plan": [
         "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation",
     ],
@@ -119,7 +129,8 @@ FILES = ("rail_arm.toml", "panda_limits.toml", "motors.csv", "two_arms.urdf", "b
 # What the other scripts of this folder draw.
 DRAWN = {
     "architecture.svg",
-    *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg", "plan.svg"),
+    *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
+    *("plan.svg", "posture.svg", "reach.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
     *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
     *("front-map.svg", "front-compare.svg"),

@@ -2,7 +2,7 @@
 
 A posture proves its surroundings: if the joints that still move can make up for every small change
 of the point and of the locked position without leaving their limits, so Brouwer's theorem, every
-point of a box is reached with the joint locked anywhere in an interval (docs/theory/reach).
+point of a box is reached with the joint locked anywhere in an interval (docs/theory/self-motion).
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ class Reachable:
         return proved
 
     def _is_proved(self, found: Searched, half: float, joint: int | None, width: Vector) -> Mask:
-        """Return `is_proved` for a block of postures (theory, reach: equations 3 to 6)."""
+        """Return `is_proved` for a block of postures (docs/theory/self-motion, 3 to 6)."""
         q, J, angular, error = found
         K = J.copy()
         if joint is not None:
