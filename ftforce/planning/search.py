@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 _RESERVES = (0.9, 0.7, 0.5)
 """Shares of the velocity limits within which waypoints are joined, until the spline through them is
 within the limits."""
-_SAMPLES, _FRESH = 160, 16  # postures per layer, and how many of them are drawn anew
-_ROUNDS = ((40, 0.2), (40, 0.06), (30, 0.02))  # postures around the best path, rad or m apart
+_SAMPLES, _FRESH = 80, 8  # postures per layer, and how many of them are drawn anew
+_BEST, _TRIES = 16, 10  # postures that are followed, and trials around each
+_CLIMB = (0.4, 0.2, 0.2, 0.1, 0.1, 0.05, 0.03)  # how far trials are from them, rad or m
+_ROUNDS = ((24, 0.15), (24, 0.05), (20, 0.02))  # postures around the best path, rad or m apart
 _FARTHEST = (0.1, 0.25)  # m and rad, from one waypoint to the next
 _KEPT = 0.98  # of the objective, after smoothing
 _SMOOTHING = 60  # passes
@@ -226,7 +228,7 @@ class _Lattice:
         values = self.objective.values(np.concatenate(drawn))
         self.room = _Room.of(list(map(self._within_a_turn, drawn)), values)
         self.is_guarded = is_guarded
-        self.layers = self._valued(drawn)
+        self.layers = self._valued(self._with_followed(drawn))
 
     def path(self, reserve: float) -> tuple[Matrix, Breaks]:
         """Return the best joint path, shape (k, n), and where velocity limits break every path.
@@ -309,6 +311,40 @@ class _Lattice:
             found.append(q)
             self.tick(1)
         return found
+
+    def _with_followed(self, drawn: Sequence[Matrix]) -> list[Matrix]:
+        """Return layers with the best postures of some waypoints, followed along the whole path.
+
+        Random postures alone are too few where the self-motion has several dimensions.
+        """
+        layers = [[q] for q in drawn]
+        for k in dict.fromkeys((0, len(drawn) // 2, len(drawn) - 1)):
+            if self.missed[k] or (k == 0 and self.keep_start):
+                continue
+            best = self._climbed(k, drawn[k])
+            layers[k].append(best)
+            for way in (range(k + 1, len(drawn)), range(k - 1, -1, -1)):
+                q = best
+                for i in way:
+                    if self.missed[i] or (i == 0 and self.keep_start):
+                        break
+                    q, reached = self.tool.project(q, self.targets.at(i))
+                    q = q[reached]
+                    layers[i].append(q)
+        return [np.concatenate(parts) for parts in layers]
+
+    def _climbed(self, k: int, q: Matrix) -> Matrix:
+        """Return the best postures around those of a waypoint, shape (s, n)."""
+        target = self.targets.at(k)
+        for spread in _CLIMB:
+            value = self._values(q, np.full(len(q), k))
+            q = q[np.argsort(-np.nan_to_num(value, nan=-np.inf), kind="stable")[:_BEST]]
+            moved = q + self.rng.normal(0.0, spread, (_TRIES, *q.shape))
+            moved = np.where(self.tool.locked, q, moved).reshape(-1, q.shape[1])
+            found, reached = self.tool.project(moved, target)
+            q = np.concatenate([q, found[reached]])
+        value = self._values(q, np.full(len(q), k))
+        return q[np.argsort(-np.nan_to_num(value, nan=-np.inf), kind="stable")[:_BEST]]
 
     def _near(self, q: Matrix, count: int, spread: float) -> list[Matrix]:
         """Return layers of postures around a path, and the path itself."""
