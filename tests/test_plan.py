@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 import ftforce
 import physics
 from ftforce.analysis.question import AllFaultSets
+from ftforce.core.limits import Limits
 from ftforce.planning.objective import MEASURES, Objective
 from ftforce.planning.path import plan
 from ftforce.planning.projection import project
@@ -17,7 +18,9 @@ from ftforce.planning.search import TIP_TOLERANCE
 from ftforce.planning.target import TipTarget
 from ftforce.trajectory import Path, Recording
 from test_cli import run
+from test_self_motion import planar
 
+LIMITS = Limits(np.full(3, 10.0), np.full(3, 10.0), "given")
 LINE = Path.through([(0.5, -0.1, 0.4), (0.5, 0.1, 0.4)], speed=0.1)
 POSE = Path.through([(0.5, -0.1, 0.4), (0.5, 0.1, 0.4)], speed=0.1, keep_orientation=True)
 
@@ -84,6 +87,17 @@ def test_no_posture_of_a_dense_search_does_much_better(panda, posed):
     assert posed.before.value.min() < 0.6 * posed.after.value.min()
 
 
+def test_freedom_to_turn_the_tip_costs_nothing(panda, posed):
+    """A path that keeps the orientation is one of those that need not."""
+    found = plan(panda, LINE, waypoints=15)
+    assert found.after.value.min() >= 0.98 * posed.after.value.min()
+    best = [
+        ftforce.best_posture(panda, at, restarts=16).measured_after.min()
+        for at in ((0.5, -0.1, 0.4), (0.5, 0.1, 0.4))
+    ]
+    assert found.after.value.min() >= 0.93 * min(best)
+
+
 @pytest.mark.parametrize("name", MEASURES)
 def test_every_measure_is_at_least_that_of_the_usual_path(panda, name):
     asked = {"force": [0, 0, 50], "task": "wrench"} if name == "rho" else {"direction": [0, 0, 1]}
@@ -104,10 +118,18 @@ def test_payload_is_that_of_the_capability(panda):
     assert objective.measured(q[None])[0, 3] == pytest.approx(one.maximum, rel=1e-9)
 
 
+def test_what_nothing_bounds_is_told():
+    arm = planar()
+    line = Path.through([(2.0, 0.0, 0.0), (1.0, 1.5, 0.0)], speed=0.5)
+    with pytest.raises(ftforce.FtforceError, match="the payload is unbounded along the whole path"):
+        plan(arm, line, task=["fx", "fy"], maximize="payload", limits=LIMITS, waypoints=6)
+
+
 def test_a_path_that_is_too_fast_tells_where_and_how_much(panda):
     fast = Path.through([(0.5, -0.3, 0.4), (0.5, 0.3, 0.4)], speed=20.0, keep_orientation=True)
     found = plan(panda, fast, waypoints=6, rate=1000)
     assert found.breaks.waypoints
+    assert any("the usual path leaves the tool path by up to" in note for note in found.notes)
     assert found.breaks.slow_down > 1.0
     assert found.t[-1] == pytest.approx(fast.duration * found.breaks.slow_down, rel=0.02)
     velocity = np.array([joint.velocity for joint in panda.joints])

@@ -33,6 +33,7 @@ WINDOWS = {
     "capability": "capability panda --locked 2,4 --limits panda_limits.toml --axes world",
 }
 
+_LINE = "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation"
 # Terminal sessions as text: name, commands.
 SESSIONS = {
     "tutorial-dh": ["dh rail_arm.toml"],
@@ -94,17 +95,9 @@ SESSIONS = {
     ],
     "posture": ["posture panda --like default"],
     "reach": ["reach panda --soften --release"],
-    "plan-locked": [
-        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation "
-        "--locked 4@1s",
-    ],
-    "plan-guarantee": [
-        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation "
-        "--guarantee",
-    ],
-    "plan": [
-        "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation",
-    ],
+    "plan": [_LINE],
+    "plan-locked": [f"{_LINE} --locked 4@1s"],
+    "plan-guarantee": [f"{_LINE} --guarantee"],
     "sweep": ["sweep panda --samples 100000 --faults 2 --force 0,0,50 --top 8"],
     "workspace-map": [
         "sweep tiago --samples 131072 --force 0,0,50 --keep summary -o tiago.zarr",

@@ -32,11 +32,13 @@ if TYPE_CHECKING:
 _RESERVES = (0.9, 0.7, 0.5)
 """Shares of the velocity limits within which waypoints are joined, until the spline through them is
 within the limits."""
-_SAMPLES, _FRESH = 80, 8  # postures per layer, and how many of them are drawn anew
+_SAMPLES = 100  # postures per layer
+_FRESH, _EVERY = 32, 5  # of them drawn anew, at every fifth waypoint
 _BEST, _TRIES = 16, 10  # postures that are followed, and trials around each
 _CLIMB = (0.4, 0.2, 0.2, 0.1, 0.1, 0.05, 0.03)  # how far trials are from them, rad or m
-_ROUNDS = ((24, 0.15), (24, 0.05), (20, 0.02))  # postures around the best path, rad or m apart
+_ROUNDS = ((30, 0.15), (30, 0.05), (24, 0.02))  # postures around the best path, rad or m apart
 _FARTHEST = (0.1, 0.25)  # m and rad, from one waypoint to the next
+_UNBOUNDED = 1e12  # a force or mass that nothing bounds, so that sums remain numbers
 _KEPT = 0.98  # of the objective, after smoothing
 _SMOOTHING = 60  # passes
 TIP_TOLERANCE = 1e-5  # m and rad: of the tip between the instants of a planned path
@@ -265,6 +267,7 @@ class _Lattice:
         """Return layers of postures with the objective."""
         counts = [len(q) for q in postures]
         values = self._values(np.concatenate(postures), np.repeat(np.arange(len(counts)), counts))
+        values = np.minimum(values, _UNBOUNDED)
         return list(map(Layer, postures, np.split(values, np.cumsum(counts)[:-1])))
 
     def _values(self, q: Matrix, waypoints: NDArray[np.intp]) -> Vector:
@@ -290,7 +293,7 @@ class _Lattice:
         for k, own in enumerate(usual):
             target = self.targets.at(k)
             is_new = not found or self.missed[k - 1]
-            count = 2 * _SAMPLES if is_new else _FRESH
+            count = 3 * _SAMPLES if is_new else _FRESH * (k % _EVERY == 0)
             new = lower + self.rng.random((count, self.robot.n)) * (upper - lower)
             seeds = np.concatenate([own[None], *found[-1:], np.where(self.tool.locked, own, new)])
             if k == 0 and self.keep_start:
@@ -317,20 +320,23 @@ class _Lattice:
 
         Random postures alone are too few where the self-motion has several dimensions.
         """
+        last = len(drawn) - 1
+        is_open = ~self.missed
+        is_open[0] &= not self.keep_start
+        best = {k: self._climbed(k, drawn[k]) for k in {0, last // 2, last} if is_open[k]}
         layers = [[q] for q in drawn]
-        for k in dict.fromkeys((0, len(drawn) // 2, len(drawn) - 1)):
-            if self.missed[k] or (k == 0 and self.keep_start):
-                continue
-            best = self._climbed(k, drawn[k])
-            layers[k].append(best)
-            for way in (range(k + 1, len(drawn)), range(k - 1, -1, -1)):
-                q = best
-                for i in way:
-                    if self.missed[i] or (i == 0 and self.keep_start):
-                        break
-                    q, reached = self.tool.project(q, self.targets.at(i))
+        for k, q in best.items():
+            layers[k].append(q)
+        for way in (range(last + 1), range(last, -1, -1)):
+            q = drawn[0][:0]
+            for k in way:
+                if not is_open[k]:
+                    q = q[:0]
+                elif len(q):
+                    q, reached = self.tool.project(q, self.targets.at(k))
                     q = q[reached]
-                    layers[i].append(q)
+                    layers[k].append(q)
+                q = np.concatenate([q, best.get(k, q[:0])])
         return [np.concatenate(parts) for parts in layers]
 
     def _climbed(self, k: int, q: Matrix) -> Matrix:

@@ -3,8 +3,9 @@
 The reach S_k of the joints k to n, those before them at zero, follows from that of the joints
 behind them: S_k is S_(k+1), moved by every position of joint k. So the distance of a point p from
 S_k is the least distance from S_(k+1) of the points from which joint k moves to p, and n fields in
-space say what n joints reach (docs/theory/self-motion). Each field holds lower bounds: for any set S,
-d(p)² − ‖p‖² is concave in p, and a concave function lies above its multilinear interpolation.
+space say what n joints reach (docs/theory/self-motion, 1 and 2). Each field holds lower bounds: for
+any set S, d(p)² − ‖p‖² is concave in p, and a concave function lies above its multilinear
+interpolation.
 """
 
 from __future__ import annotations

@@ -159,9 +159,10 @@ def _too_fast(plan: PathPlan) -> Iterator[str]:
         where = text.joined(str(k + 1) for k in plan.breaks.waypoints[:5])
         more = len(plan.breaks.waypoints) - 5
         where += f" and {more} more" if more > 0 else ""
+        which = "waypoint" if len(plan.breaks.waypoints) == 1 else "waypoints"
         yield (
             f"at the speed that was asked for, the joints' velocity limits break every path at "
-            f"waypoint {where} of {plan.waypoints}; the path above takes {slow_down:.3g} times as "
+            f"{which} {where} of {plan.waypoints}; the path above takes {slow_down:.3g} times as "
             "long, the least that was found"
         )
     elif slow_down > 1.0:
