@@ -48,8 +48,8 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Reach(Displayed):
-    """Bounds on the failure-tolerant workspace, made by `reach`.
+class FailureTolerantWorkspace(Displayed):
+    """Bounds on the failure-tolerant workspace, made by `ftforce.reach`.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ def reach(
     cell: float | None = None,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Reach:
+) -> FailureTolerantWorkspace:
     """Return bounds on the failure-tolerant workspace of an arm.
 
     Parameters
@@ -267,7 +267,7 @@ class Search:
     origin, edge, shape :
         Corner of the first cell, edge, and numbers of cells.
     healthy, tolerated, healthy_middles, tolerated_middles, lost_by, is_whole :
-        As of `Reach`.
+        As of `FailureTolerantWorkspace`.
     """
 
     tip: TipPoint
@@ -307,14 +307,14 @@ class Search:
         Parameters
         ----------
         robot, faults, mode, task, within, release, soften, around, cell, seed :
-            As in `reach`.
+            As in `ftforce.reach`.
 
         Raises
         ------
         InputError
-            As in `reach`.
+            As in `ftforce.reach`.
         LimitsError
-            As in `reach`.
+            As in `ftforce.reach`.
         """
         require_robot(robot)
         if faults != 1 or isinstance(faults, bool):
@@ -355,7 +355,7 @@ class Search:
         Parameters
         ----------
         progress :
-            As in `reach`.
+            As in `ftforce.reach`.
         """
         check_progress(progress)
         moving = self.tip.moving
@@ -375,9 +375,9 @@ class Search:
         if progress is not None:
             progress(steps, steps)
 
-    def result(self) -> Reach:
+    def result(self) -> FailureTolerantWorkspace:
         """Return the bounds found so far."""
-        return Reach(
+        return FailureTolerantWorkspace(
             robot=self.tip.robot,
             rows=self.tip.rows,
             ranges=self.ranges,
@@ -406,7 +406,7 @@ class Search:
         Parameters
         ----------
         progress :
-            As in `reach`.
+            As in `ftforce.reach`.
         """
         from ftforce.planning.soften import softened
 

@@ -150,7 +150,7 @@ def self_motion(
         Longest distance between neighbours on a curve, rad or m in joint space.
     resolution :
         The same for manifolds of more dimensions; by default 0.15 for two, 0.8 for three and 1.4
-        for more, and coarser if that takes too many samples (`SelfMotion.step`).
+        for more, and coarser if that takes too many samples (``SelfMotion.step``).
     seed :
         Seed of the random postures.
     limits :

@@ -24,7 +24,7 @@ from ftforce.io.text import write_whole
 from ftforce.planning.joint_ranges import FORMATS as LIMITS_FORMATS
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
-from ftforce.planning.reach import Reach
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.analysis import analysis_document, analysis_rows
 from ftforce.report.capability import capability_document, capability_rows
 from ftforce.report.census import census_document, census_rows
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
         | Comparison
         | History
         | PathPlan
-        | Reach
+        | FailureTolerantWorkspace
         | Replication
         | Robot
         | Sweep
@@ -102,7 +102,7 @@ to_rows.register(History, history_rows)
 to_rows.register(Timeline, timeline_rows)
 to_rows.register(PathPlan, plan_rows)
 to_rows.register(BestPosture, posture_rows)
-to_rows.register(Reach, reach_rows)
+to_rows.register(FailureTolerantWorkspace, reach_rows)
 to_rows.register(Robot, robot_rows)
 to_rows.register(Replication, replication_rows)
 to_rows.register(Comparison, comparison_rows)
@@ -157,7 +157,7 @@ _document.register(WorkspaceMap, map_document)
 _document.register(Timeline, timeline_document)
 _document.register(PathPlan, plan_document)
 _document.register(BestPosture, posture_document)
-_document.register(Reach, reach_document)
+_document.register(FailureTolerantWorkspace, reach_document)
 
 
 FORMATS = ("json", "csv", "xlsx", "tex", "md")
@@ -219,7 +219,7 @@ def to_content(result: object, form: str) -> str | bytes:
         return history_files.history_bytes(result, form, _origin(result))
     if isinstance(result, BestPosture) and form == "srdf":
         return posture_srdf(result)
-    if isinstance(result, Reach) and form in LIMITS_FORMATS:
+    if isinstance(result, FailureTolerantWorkspace) and form in LIMITS_FORMATS:
         return result.ranges.to_text(form)
     if isinstance(result, (History, PathPlan)) and form == "mcap":
         return _trajectory(result)
@@ -230,7 +230,7 @@ def _formats_of(result: object) -> tuple[str, ...]:
     """Return the endings of the files that hold a result as data."""
     if isinstance(result, History):
         return _HISTORY_FORMATS
-    more = {PathPlan: ("mcap",), BestPosture: ("srdf",), Reach: LIMITS_FORMATS}
+    more = {PathPlan: ("mcap",), BestPosture: ("srdf",), FailureTolerantWorkspace: LIMITS_FORMATS}
     return (*FORMATS, *more.get(type(result), ()))
 
 

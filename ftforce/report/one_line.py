@@ -17,7 +17,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
-from ftforce.planning.reach import Reach
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.analysis import verdict_sentence
 from ftforce.report.capability import capability_sentence
 from ftforce.report.census import critical_joint
@@ -88,7 +88,7 @@ def _(result: BestPosture) -> str:
 
 
 @_words.register
-def _(result: Reach) -> str:
+def _(result: FailureTolerantWorkspace) -> str:
     return f"{result.robot.name!r}: {reach_sentence(result)}"
 
 

@@ -13,12 +13,12 @@ from ftforce.report.fields import Document, Field, Row, constants, document, who
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from ftforce.planning.reach import Reach
+    from ftforce.planning.reach import FailureTolerantWorkspace
 
 _AXES = "xyz"
 
 
-def limits_in_words(found: Reach) -> str:
+def limits_in_words(found: FailureTolerantWorkspace) -> str:
     """Say which limits hold before and after the fault."""
     before = "softened, chosen here" if found.softened else found.ranges.source
     if found.release:
@@ -26,7 +26,7 @@ def limits_in_words(found: Reach) -> str:
     return f"{before}, before the fault and after it"
 
 
-def reach_sentence(found: Reach) -> str:
+def reach_sentence(found: FailureTolerantWorkspace) -> str:
     """Say how much of the reach tolerates a lock of any joint."""
     unit, shown = found.unit, amount_of(found)
     healthy = f"of the {shown(found.healthy_estimate)} {unit} that the healthy arm reaches"
@@ -46,13 +46,13 @@ def reach_sentence(found: Reach) -> str:
     )
 
 
-def amount_of(found: Reach) -> Callable[[float], str]:
+def amount_of(found: FailureTolerantWorkspace) -> Callable[[float], str]:
     """Return what formats volumes, with as many decimals for all."""
     decimals = 2 if found.healthy_outer >= 1.0 else 4
     return lambda x: f"{x:.{decimals}f}"
 
 
-def _estimate_states(found: Reach) -> list[str]:
+def _estimate_states(found: FailureTolerantWorkspace) -> list[str]:
     chosen = found.healthy != LOST
     kept, middles = found.tolerated[chosen] == KEPT, found.tolerated_middles[chosen]
     lost = found.tolerated[chosen] == LOST
@@ -60,7 +60,7 @@ def _estimate_states(found: Reach) -> list[str]:
     return [str(one) for one in state.tolist()]
 
 
-def _cells(found: Reach) -> Any:
+def _cells(found: FailureTolerantWorkspace) -> Any:
     chosen = found.healthy != LOST
     return {
         "place": found.places(chosen),
@@ -129,7 +129,7 @@ REACH = (
 # fmt: on
 
 
-def reach_document(found: Reach) -> Document:
+def reach_document(found: FailureTolerantWorkspace) -> Document:
     """Return the bounds as a JSON document."""
     return document(REACH, found, found.robot.names)
 
@@ -144,7 +144,7 @@ def reach_columns() -> tuple[Field, ...]:
     )
 
 
-def reach_rows(found: Reach) -> list[Row]:
+def reach_rows(found: FailureTolerantWorkspace) -> list[Row]:
     """Return the cells that the healthy arm may reach as table rows, header first."""
     axes = {_AXES[i] for i in found.rows}
     columns = [one for one in reach_columns() if one.key not in set(_AXES) - axes]
@@ -159,7 +159,7 @@ def reach_rows(found: Reach) -> list[Row]:
     return rows
 
 
-def critical_joints(found: Reach) -> list[int]:
+def critical_joints(found: FailureTolerantWorkspace) -> list[int]:
     """Return the joints that move the tip, those whose lock costs most first."""
     order = np.argsort(-found.lost_by[: found.moving], kind="stable")
     return [int(i) for i in order]

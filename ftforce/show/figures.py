@@ -22,7 +22,7 @@ from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
-from ftforce.planning.reach import Reach
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -73,7 +73,7 @@ Drawable: TypeAlias = (
     | Comparison
     | PathPlan
     | BestPosture
-    | Reach
+    | FailureTolerantWorkspace
 )
 
 
@@ -229,7 +229,7 @@ def _of_posture(drawn: Figure, found: BestPosture) -> None:
     plots.along_self_motion(found, ax=drawn.subplots())
 
 
-def _of_reach(drawn: Figure, found: Reach) -> None:
+def _of_reach(drawn: Figure, found: FailureTolerantWorkspace) -> None:
     if found.m == 2:
         drawn.set_size_inches(WIDTH, 4.8)
         plots.reach_map(found, ax=drawn.subplots())
@@ -309,7 +309,7 @@ _LAYOUTS: dict[type[Any], Any] = {
     Comparison: lay_out,
     PathPlan: _of_plan,
     BestPosture: _of_posture,
-    Reach: _of_reach,
+    FailureTolerantWorkspace: _of_reach,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

@@ -19,7 +19,7 @@ from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
 from ftforce.planning.path import PathPlan
 from ftforce.planning.posture import BestPosture
-from ftforce.planning.reach import Reach
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.robot.robot import Robot
 from ftforce.show.tables.analysis import analysis_view, remap_view
 from ftforce.show.tables.capability import capability_view
@@ -46,7 +46,7 @@ def render(result: object) -> RenderableType:
 
 render.register(Analysis, analysis_view)
 render.register(BestPosture, posture_view)
-render.register(Reach, reach_view)
+render.register(FailureTolerantWorkspace, reach_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
 render.register(Comparison, comparison_view)

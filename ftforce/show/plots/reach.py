@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ftforce.core.arrays import Vector
-    from ftforce.planning.reach import Reach
+    from ftforce.planning.reach import FailureTolerantWorkspace
 
 _AXES = "xyz"
 _KINDS = (
@@ -28,7 +28,11 @@ _KINDS = (
 
 
 def reach_map(
-    found: Reach, plane: str = "", *, at: float | None = None, ax: Axes | None = None
+    found: FailureTolerantWorkspace,
+    plane: str = "",
+    *,
+    at: float | None = None,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw which cells are reached whichever joint locks, in a plane.
 
@@ -89,7 +93,9 @@ def _window(ends: Vector, steps: NDArray[np.intp]) -> tuple[float, float]:
     return float(ends[max(int(steps.min()) - 1, 0)]), float(ends[last])
 
 
-def _slice(found: Reach, plane: str, at: float | None) -> tuple[NDArray[np.intp], str]:
+def _slice(
+    found: FailureTolerantWorkspace, plane: str, at: float | None
+) -> tuple[NDArray[np.intp], str]:
     """Return the kinds of the cells in a plane, and where the plane is."""
     kinds = np.zeros(found.tolerated.shape, dtype=np.intp)
     kinds[found.healthy_middles] = 1

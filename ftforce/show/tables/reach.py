@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     from rich.console import RenderableType
 
-    from ftforce.planning.reach import Reach
+    from ftforce.planning.reach import FailureTolerantWorkspace
     from ftforce.show.tables.parts import TitledTable
 
 
-def reach_view(found: Reach) -> RenderableType:
+def reach_view(found: FailureTolerantWorkspace) -> RenderableType:
     """Return the tables of a failure-tolerant workspace.
 
     Parameters
@@ -36,7 +36,7 @@ def reach_view(found: Reach) -> RenderableType:
     )
 
 
-def _situation(found: Reach) -> list[tuple[str, str]]:
+def _situation(found: FailureTolerantWorkspace) -> list[tuple[str, str]]:
     robot = found.robot
     plane = "".join("xyz"[i] for i in found.rows)
     where = "in space" if found.m == 3 else f"in the plane {plane}"
@@ -55,7 +55,7 @@ def _situation(found: Reach) -> list[tuple[str, str]]:
     return lines
 
 
-def _volumes(found: Reach) -> TitledTable:
+def _volumes(found: FailureTolerantWorkspace) -> TitledTable:
     shown = amount_of(found)
     rows = (
         ("by the healthy arm", found.healthy_inner, found.healthy_estimate, found.healthy_outer),
@@ -74,7 +74,7 @@ def _volumes(found: Reach) -> TitledTable:
     return result
 
 
-def _joints(found: Reach) -> TitledTable:
+def _joints(found: FailureTolerantWorkspace) -> TitledTable:
     order, shown = critical_joints(found), amount_of(found)
     rows = [_joint(found, i, shown(float(found.lost_by[i]))) for i in order]
     result = listing("Joints, those first whose lock costs most", rows, left=2, folded=(1,))
@@ -84,7 +84,7 @@ def _joints(found: Reach) -> TitledTable:
     return result
 
 
-def _joint(found: Reach, i: int, lost: str) -> Iterator[tuple[str, str]]:
+def _joint(found: FailureTolerantWorkspace, i: int, lost: str) -> Iterator[tuple[str, str]]:
     robot = found.robot
     low, high = found.ranges.swept[i].tolist()
     yield "", str(i + 1)
