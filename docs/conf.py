@@ -51,6 +51,7 @@ nitpick_ignore_regex = [
         r"py:.*",
         r"Joints|WeakJoints|LimitsLike|FrictionLike|PayloadLike|Inverse|RankBy|CapabilityRange\.direction",
     ),
+    (r"py:.*", r"Stack|RangesLike|LocksLike|ftforce\.io\.xml_text\.XmlFile"),
     (r"py:.*", r"Shown|Drawable|Keep|Counts|Arm|Result|Whole|Codes|Values|xr\..*|xarray\..*"),
     (r"py:.*", r"Trajectory|Smooth|Events|Law|Tick|Kind|Quantity|Torque|Figure|Problem"),
     (r"py:.*", r"(scipy|matplotlib)\..*"),

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from ftforce.core.task import Task
     from ftforce.core.verdict import Verdict
     from ftforce.errors import FtforceError
+    from ftforce.planning.path import plan
+    from ftforce.planning.posture import best_posture
+    from ftforce.planning.reach import reach
     from ftforce.report.files import save, to_dict
     from ftforce.robot.formats.dh import DHTable
     from ftforce.robot.formats.dh_to_urdf import write_robot
@@ -58,6 +61,7 @@ _HOMES = {
     "Timeline": "trajectory.timeline",
     "Verdict": "core.verdict",
     "analyze": "analysis.analyze",
+    "best_posture": "planning.posture",
     "capability": "analysis.capability",
     "census": "analysis.census",
     "compare": "batch.comparison",
@@ -65,6 +69,8 @@ _HOMES = {
     "load_history": "trajectory.history_files",
     "load_robot": "robot.load",
     "open_sweep": "batch.store.store",
+    "plan": "planning.path",
+    "reach": "planning.reach",
     "remap": "core.remap",
     "save": "report.files",
     "simulate": "trajectory.simulate",
@@ -92,6 +98,7 @@ __all__ = [
     "Timeline",
     "Verdict",
     "analyze",
+    "best_posture",
     "capability",
     "census",
     "compare",
@@ -99,6 +106,8 @@ __all__ = [
     "load_history",
     "load_robot",
     "open_sweep",
+    "plan",
+    "reach",
     "remap",
     "save",
     "simulate",

@@ -22,6 +22,7 @@ from ftforce.batch.postures import Grid
 from ftforce.batch.workspace_map import workspace_map
 from ftforce.core.bounded_remap import bounded_remap
 from ftforce.core.limits import Limits
+from ftforce.planning.objective import MEASURES
 from ftforce.robot.dynamics import Payload
 from ftforce.robot.formats.dh import DHRow, MassModel
 from ftforce.robot.kinematics import tip_pose
@@ -232,6 +233,26 @@ ARGUMENTS: dict[str, Callable[[Chance], Any]] = {
     "keep_orientation": lambda c: c.one(False, True),
     "max_gap": lambda c: c.size(None, 0.5, scale=1.0),
     "topic": lambda c: c.one(None, odd=("/joint_states", "", 7)),
+    "maximize": lambda c: c.one(*MEASURES, odd=("speed", None, 3)),
+    "waypoints": lambda c: c.one(3, 4, 5, odd=(1, 2.5, -1, "3", True)),
+    "max_acceleration": lambda c: c.one(None, 50.0, c.vector(c.robot.n), odd=(-1.0, "x", math.inf)),
+    "keep_start": lambda c: c.one(False, True),
+    "place": lambda c: c.one([0.3, 0.1, 0.3], c.vector(3), None),
+    "rpy": lambda c: c.maybe(c.vector(3), 0.2),
+    "like": lambda c: c.one(None, "zero", c.vector(c.robot.n), odd=("nowhere", 3)),
+    "restarts": lambda c: c.one(2, 4, odd=(0, -1, 2.5, "3")),
+    "step": lambda c: c.one(0.1, 0.2, odd=(0.0, -1.0, "x", 9.0)),
+    "resolution": lambda c: c.one(0.8, 1.0, odd=(0.0, -1.0, "x")),
+    "edge": lambda c: c.one(0.5, 1.0, odd=(0.0, -1.0, "x", 1e-6, math.nan)),
+    "plane_task": lambda c: c.one(None, "force", odd=("fx", "fx,fy", "wrench", 3)),
+    "within": lambda c: c.one(
+        None, {1: (-0.5, 0.5)}, odd=({1: (1, -1)}, "no.toml", {9: (0, 1)}, 3)
+    ),
+    "release": lambda c: c.one(False, True, odd=("x",)),
+    "soften": lambda c: c.one(False, False, odd=(1,)),
+    "around": lambda c: c.one(None, odd=([[0, 0, 0], [1, 1, 1]], "x", 3)),
+    "guarantee": lambda c: c.one(False, True),
+    "locks": lambda c: c.one(None, "1@0.1", {2: -0.1}, "2@0.01s", odd=("2", "9@1", {1: "x"}, 3)),
     "smooth": lambda c: c.one("auto", "none", 0.1, odd=("much", -1.0, math.nan, 1e-9)),
     "static": lambda c: c.one(False, True),
     "enough": lambda c: c.size(0.95, 0.5, 1.0, scale=0.5),
@@ -339,6 +360,9 @@ class Kind(NamedTuple):
 
 
 _OF_MODEL = ("posture:configuration", "limits:motors")
+_AFTER_LOCKS = ("locked:locks", *(x for x in _optional(ftforce.plan) if x != "locked"))
+_OF_POSTURE = tuple(x for x in _optional(ftforce.best_posture) if x != "at")
+_OF_REACH = ("task:plane_task", *(x for x in _optional(ftforce.reach) if x not in ("task", "cell")))
 _TABLE = "target kind radius density a alpha d theta type lower upper"
 KINDS = (
     *(Kind(one, 200, "robot", _optional(one)) for one in (ftforce.capability, ftforce.census)),
@@ -349,6 +373,9 @@ KINDS = (
     Kind(remapped_jacobian, 30, "J tau faults", ("mode", "limits:efforts", "rtol", "wary")),
     Kind(ftforce.sweep, 12, "robot n", _optional(ftforce.sweep)),
     Kind(ftforce.timeline, 12, "robot trajectory", _optional(ftforce.timeline)),
+    Kind(ftforce.best_posture, 6, "robot at:place restarts step resolution", _OF_POSTURE),
+    Kind(ftforce.reach, 4, "robot cell:edge", _OF_REACH),
+    Kind(ftforce.plan, 4, "robot trajectory waypoints", _AFTER_LOCKS),
     Kind(ftforce.simulate, 12, "robot trajectory force faults:events", _optional(ftforce.simulate)),
     Kind(ftforce.compare, 4, "arms n", _optional(ftforce.compare)),
     Kind(workspace_map, 20, "sweep", ("joints:some", "plane", "at", "solid", "quantities")),

@@ -204,7 +204,7 @@ VALUES: dict[str, tuple[str, ...]] = {
     "plot": (*PLOTS, *NO_OUT[:4]),
     "export": ("out.html", "out.htm", "out.txt"),
     "screenshot": ("out.jpg", "no/out.png"),
-    "at": NUMBERS,
+    "at": (*NUMBERS, "0.3,0.1,0.3", "0.4,0,0.4"),
     "host": ("127.0.0.1",),
     "port": ("0", "65536", "x"),
     "start": PLACES,
@@ -212,6 +212,15 @@ VALUES: dict[str, tuple[str, ...]] = {
     "speed": ("0.2", "1", "0", "1e-9", "1e9", "-1"),
     "rate": ("20", "50", "0", "1e9", "1e-9"),
     "max_gap": NUMBERS,
+    "maximize": ("margin", "rho", "capability", "payload", "jump", "speed"),
+    "like": ("zero", "default", "0,0.1,-0.2,0.3,0.1", "nowhere", "1"),
+    "rpy": ("0,0,0", "3,0,0.5", "1", "x"),
+    "restarts": ("2", "4", "0", "-1", "1.5"),
+    "within": ("no.toml", "limits.toml", "arm.urdf"),
+    "around": ("0,0,0,1,1,1", "0,0,1,1", "1", "x"),
+    "locks": ("2@0.1", "1@0.2,3@-0.1", "2@0.05s", "2", "9@1", "@", "1@x", "1@0.1,2@1s"),
+    "waypoints": ("3", "4", "5", "1", "1.5", "-2"),
+    "max_acceleration": ("50", "5,5,5,5,5", "1,2", "-1", "1e-9", "x"),
     "smooth": ("auto", "none", "0.1", "1e-9", "9"),
     "delay": ("0", "0.05", "-1", "1e9"),
     "samples": ("64", "64", "100", "1", "2.5", "0", "-5", "1e19"),
@@ -234,7 +243,15 @@ SELDOM = {"plot": 0.05, "posture": 0.3, "q": 0.5, "base": 0.2, "tip": 0.2, "work
 SELDOM |= {"scheduler": 0.1, "torque": 0.3, "grid": 0.2, "postures": 0.3, "trajectory": 0.5}
 ALWAYS = {"robot", "robots", "sweep", "table"}
 SHARES = {"analyze": 10, "census": 8, "capability": 8, "inspect": 6, "dh": 6, "sweep": 3, "map": 3}
-SHARES |= {"timeline": 3, "simulate": 3, "compare": 1, "robots": 0.5, "replicate": 0.3, "view": 0.3}
+SHARES |= {
+    "plan": 1,
+    "timeline": 3,
+    "simulate": 3,
+    "compare": 1,
+    "robots": 0.5,
+    "replicate": 0.3,
+    "view": 0.3,
+}
 
 
 @cache
@@ -281,10 +298,12 @@ def draw(number: int, command: str | None = None) -> list[str]:
 
 def _is_needed(command: str, name: str) -> bool:
     if name in {"to", "speed"}:
-        return command in {"simulate", "timeline"}
+        return command in {"simulate", "timeline", "plan"}
     if name == "force":
         return command == "simulate"
     if name == "kernels":  # all would take long to compile
+        return True
+    if name in {"waypoints", "restarts"}:  # a hundred would take long
         return True
     return name == ("samples" if command in {"sweep", "compare"} else "export") and command in {
         *("sweep", "compare", "view")

@@ -127,6 +127,7 @@ OWN = {
     ("capability", "limits"), ("sweep", "limits"), ("compare", "limits"), ("view", "at"),
     ("map", "at"), ("view", "sweep"), ("map", "sweep"), ("replicate", "robot"),
     ("replicate", "force"), ("replicate", "velocity"), ("sweep", "topic"),
+    ("posture", "output"), ("plan", "output"), ("reach", "output"), ("reach", "task"),
 }  # fmt: skip
 
 
@@ -137,7 +138,7 @@ def test_options_of_several_commands_are_declared_once():
         for option in inspect.signature(command.callback).parameters.values():
             if (name, option.name) not in OWN:
                 declared[option.name].append(option.annotation)
-    assert len(declared["task"]) == 8
+    assert len(declared["task"]) == 10
     for name, found in declared.items():
         assert all(one is found[0] for one in found), name
 

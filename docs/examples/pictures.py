@@ -33,6 +33,7 @@ WINDOWS = {
     "capability": "capability panda --locked 2,4 --limits panda_limits.toml --axes world",
 }
 
+_LINE = "plan panda --from 0.5,-0.2,0.4 --to 0.5,0.2,0.4 --speed 0.1 --keep-orientation"
 # Terminal sessions as text: name, commands.
 SESSIONS = {
     "tutorial-dh": ["dh rail_arm.toml"],
@@ -92,6 +93,11 @@ SESSIONS = {
     "timeline": [
         "timeline panda --to 0.4,0.3,0.4 --speed 0.2 --rate 20 --mode free --force 0,0,30",
     ],
+    "posture": ["posture panda --like default"],
+    "reach": ["reach panda --soften --release"],
+    "plan": [_LINE],
+    "plan-locked": [f"{_LINE} --locked 4@1s"],
+    "plan-guarantee": [f"{_LINE} --guarantee"],
     "sweep": ["sweep panda --samples 100000 --faults 2 --force 0,0,50 --top 8"],
     "workspace-map": [
         "sweep tiago --samples 131072 --force 0,0,50 --keep summary -o tiago.zarr",
@@ -117,6 +123,7 @@ FILES = ("rail_arm.toml", "panda_limits.toml", "motors.csv", "two_arms.urdf", "b
 DRAWN = {
     "architecture.svg",
     *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
+    *("plan.svg", "posture.svg", "reach.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
     *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
     *("front-map.svg", "front-compare.svg"),

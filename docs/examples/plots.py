@@ -19,7 +19,7 @@ from ftforce.trajectory import Path as Line
 
 
 def draw(folder: Path) -> None:
-    """Draw a simulation, a timeline, a census and a capability of the Panda."""
+    """Draw what `--plot` draws of the Panda, for seven commands."""
     arm = ftforce.load_robot("panda")
     start = [0.306871, 0.0, 0.486876]  # where the default posture has the tip
     line = Line.through([start, [0.4, 0.3, 0.4]], speed=0.2)
@@ -28,6 +28,10 @@ def draw(folder: Path) -> None:
     save_figure(history, folder / "plot-simulation.svg")
     instants = ftforce.timeline(arm, line, mode="free", rate=20, **push)
     save_figure(instants, folder / "timeline.svg")
+    across = Line.through([(0.5, -0.2, 0.4), (0.5, 0.2, 0.4)], speed=0.1, keep_orientation=True)
+    save_figure(ftforce.plan(arm, across), folder / "plan.svg")
+    save_figure(ftforce.best_posture(arm, like="default"), folder / "posture.svg")
+    save_figure(ftforce.reach(arm, soften=True, release=True), folder / "reach.svg")
     sets = ftforce.census(arm, faults=2, mode="free", **push)
     save_figure(sets, folder / "plot-census.svg")
     forces = ftforce.capability(arm, locked=[4], axes="world")

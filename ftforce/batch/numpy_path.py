@@ -20,7 +20,7 @@ from ftforce.batch.plan import as_block, empty_answers
 from ftforce.core import measures
 from ftforce.core.arrays import norm, read_only
 from ftforce.core.bounded_remap import remap_inside
-from ftforce.core.feasible_forces import feasible_forces, reach
+from ftforce.core.feasible_forces import LockModel, feasible_forces, reach
 from ftforce.core.reduced_jacobian import FreeJoints, reduce_decomposed
 from ftforce.core.remap import force_jump, supported_force
 from ftforce.core.stacked_free import fill_free
@@ -49,10 +49,12 @@ class NumpyEvaluator:
     ----------
     plan :
         What to compute.
+    lock :
+        Whether the capability is what motors can command, or what brakes hold too.
     """
 
-    def __init__(self, plan: Plan) -> None:
-        self.plan = plan
+    def __init__(self, plan: Plan, lock: LockModel = LockModel.COMMANDED) -> None:
+        self.plan, self.lock = plan, lock
 
     def __call__(self, q: Matrix) -> Block:
         """Return the results for postures.
@@ -62,16 +64,16 @@ class NumpyEvaluator:
         q :
             Joint positions, rad or m, shape (k, n).
         """
-        return as_block(evaluate(self.plan, q))
+        return as_block(evaluate(self.plan, q, self.lock))
 
 
-def evaluate(plan: Plan, q: Matrix) -> Answers:
+def evaluate(plan: Plan, q: Matrix, lock: LockModel = LockModel.COMMANDED) -> Answers:
     """Return the results for postures, as the kernels give them.
 
     Parameters
     ----------
-    plan :
-        What to compute.
+    plan, lock :
+        What to compute, as in `NumpyEvaluator`.
     q :
         Joint positions, rad or m, shape (k, n).
     """
@@ -79,7 +81,7 @@ def evaluate(plan: Plan, q: Matrix) -> Answers:
     size = max(1, _PAIRS // max(1, len(plan.faults.locked)))
     for first in range(0, len(q), size):
         rows = slice(first, first + size)
-        _fill(plan, q[rows], _rows_of(answers, rows))
+        _fill(plan, q[rows], _rows_of(answers, rows), lock)
     return answers
 
 
@@ -134,20 +136,8 @@ def place(mechanism: Mechanism, question: Question, q: Matrix) -> Placed:
     q :
         Joint positions, rad or m, shape (k, n).
     """
-    angle = q[:, mechanism.driver].T * mechanism.ratio[:, None] + mechanism.offset[:, None]
-    R, p = _frames(mechanism, angle)
-    above = mechanism.tip_parent
-    tip_R = _turned(R[above], mechanism.tip[:9].reshape(3, 3))
-    tip_p = p[above] + np.einsum("ijk,j->ik", R[above], mechanism.tip[9:])
-    columns = np.zeros((6, q.shape[1], len(q)))
-    for e in np.flatnonzero(mechanism.moves_tip).tolist():
-        axis = mechanism.gain[e] * R[e][:, 2]
-        moment = np.zeros_like(axis)
-        linear = axis
-        if not mechanism.is_prismatic[e]:
-            linear, moment = _cross(axis, tip_p - p[e]), axis
-        columns[:3, mechanism.driver[e]] += linear
-        columns[3:, mechanism.driver[e]] += moment
+    R, p = _frames(mechanism, q)
+    tip_R, tip_p, columns = _tip(mechanism, R, p, q)
     if question.in_tool:
         halves = columns.reshape(2, 3, *columns.shape[1:])
         columns = np.einsum("jik,hjnk->hink", tip_R, halves).reshape(columns.shape)
@@ -161,11 +151,47 @@ def place(mechanism: Mechanism, question: Question, q: Matrix) -> Placed:
     return Placed(np.ascontiguousarray(tip_p.T), J, weight)
 
 
-def _frames(mechanism: Mechanism, angle: Matrix) -> tuple[list[Stack], list[Matrix]]:
+def tip_kinematics(mechanism: Mechanism, q: Matrix) -> tuple[Stack, Matrix, Stack]:
+    """Return rotations (k, 3, 3), positions (k, 3), and Jacobians (k, 6, n) of the tip.
+
+    In root axes, the Jacobians at the tip point, linear rows first.
+
+    Parameters
+    ----------
+    mechanism :
+        The arm, its hinges and slides not weighted.
+    q :
+        Joint positions, rad or m, shape (k, n).
+    """
+    R, p, columns = _tip(mechanism, *_frames(mechanism, q), q)
+    return R.transpose(2, 0, 1), p.T, columns.transpose(2, 0, 1)
+
+
+def _tip(
+    mechanism: Mechanism, R: list[Stack], p: list[Matrix], q: Matrix
+) -> tuple[Stack, Matrix, Stack]:
+    """Return rotation (3, 3, k), position (3, k) and Jacobian (6, n, k) of the tip, root axes."""
+    above = mechanism.tip_parent
+    tip_R = _turned(R[above], mechanism.tip[:9].reshape(3, 3))
+    tip_p = p[above] + np.einsum("ijk,j->ik", R[above], mechanism.tip[9:])
+    columns = np.zeros((6, q.shape[1], len(q)))
+    for e in np.flatnonzero(mechanism.moves_tip).tolist():
+        axis = mechanism.gain[e] * R[e][:, 2]
+        moment = np.zeros_like(axis)
+        linear = axis
+        if not mechanism.is_prismatic[e]:
+            linear, moment = _cross(axis, tip_p - p[e]), axis
+        columns[:3, mechanism.driver[e]] += linear
+        columns[3:, mechanism.driver[e]] += moment
+    return tip_R, tip_p, columns
+
+
+def _frames(mechanism: Mechanism, q: Matrix) -> tuple[list[Stack], list[Matrix]]:
     """Return the rotation (3, 3, k) and position (3, k) of every joint, in root axes."""
+    angle = q[:, mechanism.driver].T * mechanism.ratio[:, None] + mechanism.offset[:, None]
     rotations: list[Stack] = []
     places: list[Matrix] = []
-    k = angle.shape[1]
+    k = len(q)
     for e, above in enumerate(mechanism.parent.tolist()):
         P, t = mechanism.placement[e, :9].reshape(3, 3), mechanism.placement[e, 9:]
         if above < 0:
@@ -221,7 +247,7 @@ def _weight_torques(mechanism: Mechanism, R: list[Stack], p: list[Matrix], n: in
 # ---- all postures and sets at once -------------------------------------------------------------
 
 
-def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
+def _fill(plan: Plan, q: Matrix, answers: Answers, lock: LockModel) -> None:
     """Fill in the results of a stack of postures."""
     faults, question = plan.faults, plan.question
     placed = place(plan.mechanism, question, q)
@@ -261,7 +287,7 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
     if direction is not None:
         largest = np.where(faults.locked, question.brake, question.effort)
         largest[faults.free] = 0.0
-        commanded, _ = reach_of(
+        commanded, held = reach_of(
             placed.J,
             placed.weight[:, None],
             largest,
@@ -271,10 +297,10 @@ def _fill(plan: Plan, q: Matrix, answers: Answers) -> None:
             within=borne,
             middle=np.where(faults.locked | faults.free, 0.0, question.middle),
         )
-        answers.capability[:] = commanded.T
+        answers.capability[:] = (held if lock is LockModel.HELD else commanded).T
     for i in np.flatnonzero(left.any(axis=1)).tolist():
         one = _Posture(i, placed.J[i], placed.weight[i])
-        _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers)
+        _settle(plan, one, np.flatnonzero(left[i]).tolist(), answers, lock)
 
 
 def settle_postures(plan: Plan, q: Matrix, at: NDArray[np.intp], answers: Answers) -> None:
@@ -326,7 +352,13 @@ class _Posture(NamedTuple):
     weight: Vector
 
 
-def _settle(plan: Plan, posture: _Posture, sets: list[int], answers: Answers) -> None:
+def _settle(
+    plan: Plan,
+    posture: _Posture,
+    sets: list[int],
+    answers: Answers,
+    lock: LockModel = LockModel.COMMANDED,
+) -> None:
     """Evaluate sets in one posture as `ftforce.analyze` does."""
     question, faults, i = plan.question, plan.faults, posture.i
     healthy = Svd(read_only(posture.J.copy()))
@@ -349,7 +381,7 @@ def _settle(plan: Plan, posture: _Posture, sets: list[int], answers: Answers) ->
         answers.rho[s, i] = measures.relative_manipulability(reduced)
         _settle_force(plan, posture, reduced, F, _column_of(answers, s, i))
         if question.direction.size:
-            answers.capability[s, i] = _capability(plan, reduced, posture.weight, s)
+            answers.capability[s, i] = _capability(plan, reduced, posture.weight, s, lock)
 
 
 def _settle_force(
@@ -373,12 +405,14 @@ def _settle_force(
     _write_jumps(question, lost[None, None], np.array([norm(F)]), answers)
 
 
-def _capability(plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int) -> float:
-    """Return the largest force that can be commanded in the direction, NaN if there is none."""
+def _capability(
+    plan: Plan, reduced: ReducedJacobian, weight: Vector, s: int, lock: LockModel
+) -> float:
+    """Return the largest force in the direction, commanded or held, NaN if there is none."""
     question, faults = plan.question, plan.faults
     largest = np.where(faults.locked[s], question.brake, question.effort)
     largest[faults.free[s]] = 0.0
     middle = np.where(faults.locked[s] | faults.free[s], 0.0, question.middle)
     both = np.array([middle - largest, middle + largest])
-    ray = reach(feasible_forces(reduced, weight, both), question.direction)
+    ray = reach(feasible_forces(reduced, weight, both, lock), question.direction)
     return math.nan if ray.is_empty else ray.maximum

@@ -272,7 +272,7 @@ class Sweep(Displayed):
         return survival(self.summary, None if joints is None else self.index_of(joints))
 
     def index_of(self, joints: tuple[int, ...]) -> int:
-        """Return the index of a fault set in `sets`.
+        """Return the index of a fault set in ``sets``.
 
         Parameters
         ----------

@@ -12,6 +12,8 @@ PANELS = {
     "Faults": "locked free weak faults mode fault joints delay no_remap paper",
     "Postures": "q posture samples method seed postures grid deg",
     "Trajectory": "start to speed keep_orientation rate max_gap topic smooth static",
+    "Planning": "rpy like restarts maximize waypoints max_acceleration keep_start locks guarantee "
+    "within release soften around",
     "Force and motion": "force torque inverse direction velocity acceleration "
     "joint_friction armature",
     "Weight, limits and friction": "gravity mounted payload limits friction",

@@ -16,6 +16,10 @@ EXAMPLES = {
         "capability panda --locked 2,4 --axes world",
         "capability panda --weak 4:0.5 --direction 0,0,-1 --plot force.svg",
     ),
+    "posture": (
+        "posture panda --like default",
+        "posture panda --at .5,.1,.4 --rpy 180,0,0 --deg -o best.srdf",
+    ),
     "simulate": (
         "simulate panda --to .4,.3,.4 --speed 0.2 --force 0,0,30 --fault 4@1",
         "simulate --paper -o run.npz",
@@ -23,6 +27,14 @@ EXAMPLES = {
     "timeline": (
         "timeline panda --to .4,.3,.4 --speed 0.2 --rate 20 --force 0,0,30",
         "timeline dh5 --to .6,.5,.3 --speed 0.1 --faults 2 -o faults.csv",
+    ),
+    "reach": (
+        "reach panda --soften --release -o limits.toml --plot reach.svg",
+        "reach dh5 --within limits.toml -o cells.csv",
+    ),
+    "plan": (
+        "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation",
+        "plan panda --to .5,.2,.4 --speed 0.1 --maximize rho -o path.csv",
     ),
     "sweep": (
         "sweep dh5 --samples 1e4 --faults 2 -o dh5.zarr",

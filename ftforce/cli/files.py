@@ -27,6 +27,7 @@ INPUTS = {
     "trajectory": "the trajectory",
     "postures": "the postures",
     "limits": "the torque limits",
+    "within": "the position limits",
     "friction": "the friction",
     "payload": "the payload",
     "history": "the history",

@@ -561,6 +561,62 @@ class HistoryOutputs(PlotOutputs):
     ] = None
 
 
+class PostureOutputs(PlotOutputs):
+    """Where a posture and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the postures as named ones (.srdf), all of it (.json), the fault "
+            "sets (.csv .xlsx .tex .md), or the tables (.txt .svg .html); repeat it for more.",
+        ),
+    ] = None
+
+
+class ReachOutputs(PlotOutputs):
+    """Where a failure-tolerant workspace, its limits and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the limits before the fault (.toml, .yaml for MoveIt), all of it "
+            "(.json), the cells (.csv .xlsx .tex .md), or the tables (.txt .svg .html); repeat it "
+            "for more.",
+        ),
+    ] = None
+
+
+class PlanOutputs(PlotOutputs):
+    """Where a planned motion and its plot go."""
+
+    output: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="File to write: the motion, for simulate and timeline (.csv .xlsx) or ROS 2 "
+            "(.mcap), all of it (.json), or the tables (.txt .svg .html .tex .md); repeat it "
+            "for more.",
+        ),
+    ] = None
+
+
+MaximizeOption = Annotated[
+    str,
+    typer.Option(
+        metavar="MEASURE",
+        help="What the worst fault is to leave most of: margin, rho, capability or payload; or "
+        "jump, the least force jump.",
+    ),
+]
+
 _Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 

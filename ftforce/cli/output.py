@@ -31,8 +31,14 @@ class Format(StrEnum):
 
 _ENDINGS = ("json", "csv", "xlsx", "tex", "md", "txt", "svg", "html", "htm")
 _HISTORY_ENDINGS = ("npz", "parquet", "mcap")
-_MORE_ENDINGS = {"simulate": _HISTORY_ENDINGS, "sweep": ("zarr",)}
-_DATA = ("json", "csv", "xlsx", "tex", "md", *_HISTORY_ENDINGS)
+_MORE_ENDINGS = {
+    "simulate": _HISTORY_ENDINGS,
+    "plan": ("mcap",),
+    "posture": ("srdf",),
+    "reach": ("toml", "yaml", "yml"),
+    "sweep": ("zarr",),
+}
+_DATA = ("json", "csv", "xlsx", "tex", "md", "srdf", "toml", "yaml", "yml", *_HISTORY_ENDINGS)
 _PLOT_ENDINGS = ("png", "pdf", "svg")
 
 
@@ -95,7 +101,7 @@ def _start_matplotlib() -> None:
 def _check_ending(command: str, path: Path, form: Format | None) -> None:
     endings = _ENDINGS + _MORE_ENDINGS.get(command, ())
     ending = _ending(path)
-    if ending in _HISTORY_ENDINGS and command != "simulate":
+    if ending in _HISTORY_ENDINGS and ending not in endings:
         raise typer.BadParameter(
             f".{ending} is for histories of `ftforce simulate`; use .json or .csv"
         )

@@ -21,6 +21,10 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, printable
 from ftforce.io.text import write_whole
+from ftforce.planning.joint_ranges import FORMATS as LIMITS_FORMATS
+from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.analysis import analysis_document, analysis_rows
 from ftforce.report.capability import capability_document, capability_rows
 from ftforce.report.census import census_document, census_rows
@@ -29,7 +33,10 @@ from ftforce.report.fields import document
 from ftforce.report.history import history_document, history_rows
 from ftforce.report.map import map_document, map_rows
 from ftforce.report.parts import SETTING_COLUMNS
+from ftforce.report.plan import plan_document, plan_rows
+from ftforce.report.posture import posture_document, posture_rows, posture_srdf
 from ftforce.report.provenance import ORIGIN, POOLED, ROBOT_SHA256, Provenance, origin_of
+from ftforce.report.reach import reach_document, reach_rows
 from ftforce.report.robot import (
     replication_document,
     replication_rows,
@@ -53,10 +60,13 @@ if TYPE_CHECKING:
 
     Result: TypeAlias = (
         Analysis
+        | BestPosture
         | Capability
         | Census
         | Comparison
         | History
+        | PathPlan
+        | FailureTolerantWorkspace
         | Replication
         | Robot
         | Sweep
@@ -90,6 +100,9 @@ to_rows.register(Census, census_rows)
 to_rows.register(Capability, capability_rows)
 to_rows.register(History, history_rows)
 to_rows.register(Timeline, timeline_rows)
+to_rows.register(PathPlan, plan_rows)
+to_rows.register(BestPosture, posture_rows)
+to_rows.register(FailureTolerantWorkspace, reach_rows)
 to_rows.register(Robot, robot_rows)
 to_rows.register(Replication, replication_rows)
 to_rows.register(Comparison, comparison_rows)
@@ -142,6 +155,9 @@ _document.register(Comparison, comparison_document)
 _document.register(Sweep, sweep_document)
 _document.register(WorkspaceMap, map_document)
 _document.register(Timeline, timeline_document)
+_document.register(PathPlan, plan_document)
+_document.register(BestPosture, posture_document)
+_document.register(FailureTolerantWorkspace, reach_document)
 
 
 FORMATS = ("json", "csv", "xlsx", "tex", "md")
@@ -164,7 +180,8 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
         A result or a robot.
     path :
         The file, with extension ``.json``, ``.csv``, ``.xlsx``, ``.tex`` or ``.md``; for a history
-        also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2.
+        also ``.npz``, ``.parquet`` or ``.mcap``, a trajectory for ROS 2; for a best posture also
+        ``.srdf``; for a reach also ``.toml`` or ``.yaml``, its limits.
 
     Raises
     ------
@@ -174,7 +191,7 @@ def save(result: Result, path: str | PathLike[str]) -> Path:
         The file cannot be written; no partial file remains.
     """
     form = Path(path).suffix.lower().removeprefix(".")
-    known = _HISTORY_FORMATS if isinstance(result, History) else FORMATS
+    known = _formats_of(result)
     if form not in known:
         endings = ", ".join(f".{ending}" for ending in known[:-1])
         raise InputError(f"{printable(path)}: the name must end in {endings} or .{known[-1]}")
@@ -190,7 +207,8 @@ def to_content(result: object, form: str) -> str | bytes:
         A result or a robot.
     form :
         ``json``, ``csv``, ``xlsx``, ``tex`` or ``md``; for a history also ``npz``, ``parquet`` or
-        ``mcap``, a trajectory for ROS 2.
+        ``mcap``, a trajectory for ROS 2; for a best posture also ``srdf``; for a reach also
+        ``toml`` or ``yaml``, its limits.
 
     Raises
     ------
@@ -199,19 +217,37 @@ def to_content(result: object, form: str) -> str | bytes:
     """
     if isinstance(result, History) and form in history_files.FORMATS:
         return history_files.history_bytes(result, form, _origin(result))
-    if isinstance(result, History) and form == "mcap":
+    if isinstance(result, BestPosture) and form == "srdf":
+        return posture_srdf(result)
+    if isinstance(result, FailureTolerantWorkspace) and form in LIMITS_FORMATS:
+        return result.ranges.to_text(form)
+    if isinstance(result, (History, PathPlan)) and form == "mcap":
         return _trajectory(result)
     return _workbook(result) if form == "xlsx" else to_text(result, form)
 
 
-def _trajectory(history: History) -> bytes:
-    """Return the motion that answers the question, with the torques to command, for a controller.
+def _formats_of(result: object) -> tuple[str, ...]:
+    """Return the endings of the files that hold a result as data."""
+    if isinstance(result, History):
+        return _HISTORY_FORMATS
+    more = {PathPlan: ("mcap",), BestPosture: ("srdf",), FailureTolerantWorkspace: LIMITS_FORMATS}
+    return (*FORMATS, *more.get(type(result), ()))
 
-    Instants from which the arm cannot be held are left out.
+
+def _trajectory(result: History | PathPlan) -> bytes:
+    """Return a motion for a controller: one that was planned, or the answer of a simulation.
+
+    The latter has the torques to command; instants from which the arm cannot be held are left out.
     """
     from ftforce.io.bag import trajectory_bag
 
-    run = history.answer
+    if isinstance(result, PathPlan):
+        motion = result.motion()._asdict()
+        kinds = ("positions", "velocities", "accelerations")
+        return trajectory_bag(
+            result.robot.names, result.t, dict(zip(kinds, motion.values(), strict=True))
+        )
+    history, run = result, result.answer
     until = len(history.t) if run.falls_from is None else run.falls_from
     valid = np.flatnonzero(~np.isnan(run.motor[:until]).any(axis=1))
     points = {"positions": run.q, "velocities": run.v, "accelerations": run.a, "effort": run.motor}

@@ -15,12 +15,18 @@ from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
+from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.analysis import verdict_sentence
 from ftforce.report.capability import capability_sentence
 from ftforce.report.census import critical_joint
 from ftforce.report.comparison import comparison_sentence
 from ftforce.report.history import history_sentence
 from ftforce.report.map import map_sentence
+from ftforce.report.plan import plan_sentence
+from ftforce.report.posture import posture_sentence
+from ftforce.report.reach import reach_sentence
 from ftforce.report.robot import replication_sentence
 from ftforce.report.sweep import sweep_sentence
 from ftforce.report.text import number
@@ -69,6 +75,21 @@ def _(result: History) -> str:
 @_words.register
 def _(result: Timeline) -> str:
     return f"{result.robot.name!r}, {len(result.t):,} instants: {timeline_sentence(result)}"
+
+
+@_words.register
+def _(result: PathPlan) -> str:
+    return f"{result.robot.name!r}, {len(result.t):,} instants: {plan_sentence(result)}"
+
+
+@_words.register
+def _(result: BestPosture) -> str:
+    return f"{result.robot.name!r}: {posture_sentence(result)}"
+
+
+@_words.register
+def _(result: FailureTolerantWorkspace) -> str:
+    return f"{result.robot.name!r}: {reach_sentence(result)}"
 
 
 @_words.register

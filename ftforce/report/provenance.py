@@ -131,8 +131,8 @@ def _subject(result: Any) -> tuple[Any, str | None, str]:
         result = result.healthy
     result = getattr(result, "analysis", result)  # of a capability
     question: Question | None = getattr(result, "question", None)
-    if question is None:  # a list
-        return None, None, "none"
+    if question is None:  # a reach, or a list
+        return getattr(result, "robot", None), None, "none"
     limits = _named(question.limits.source if question.limits else None)
     if question.posture is None or hasattr(result, "course"):
         return question.robot, result.course, limits

@@ -20,6 +20,9 @@ from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.errors import InputError, listed, printable
 from ftforce.io.text import write_whole
+from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.report.provenance import origin_line
 from ftforce.show import plots
 from ftforce.show.plots.canvas import (
@@ -60,7 +63,18 @@ _MOST_BARS = 40
 _TITLE_AND_AXIS = 1.0  # in; a plot's height in addition to its rows
 
 
-Drawable: TypeAlias = History | Timeline | Census | Capability | Sweep | WorkspaceMap | Comparison
+Drawable: TypeAlias = (
+    History
+    | Timeline
+    | Census
+    | Capability
+    | Sweep
+    | WorkspaceMap
+    | Comparison
+    | PathPlan
+    | BestPosture
+    | FailureTolerantWorkspace
+)
 
 
 def figure(result: Drawable) -> Figure:
@@ -69,7 +83,8 @@ def figure(result: Drawable) -> Figure:
     Parameters
     ----------
     result :
-        A simulation history, timeline, census, capability, comparison, sweep, or map of a sweep.
+        A simulation history, timeline, plan, best posture, census, capability, comparison, sweep,
+        or map of a sweep.
 
     Raises
     ------
@@ -202,6 +217,37 @@ def _of_timeline(drawn: Figure, timeline: Timeline) -> None:
         plots.heat_map(timeline, quantity=quantity, most=most, ax=ax)
 
 
+def _of_plan(drawn: Figure, plan: PathPlan) -> None:
+    drawn.set_size_inches(WIDTH, 5.0)
+    upper, lower = drawn.subplots(2, sharex=True, height_ratios=(2, 3))
+    plots.objective_over_time(plan, ax=upper)
+    plots.planned_positions(plan, ax=lower)
+
+
+def _of_posture(drawn: Figure, found: BestPosture) -> None:
+    drawn.set_size_inches(WIDTH, 3.2)
+    plots.along_self_motion(found, ax=drawn.subplots())
+
+
+def _of_reach(drawn: Figure, found: FailureTolerantWorkspace) -> None:
+    if found.m == 2:
+        drawn.set_size_inches(WIDTH, 4.8)
+        plots.reach_map(found, ax=drawn.subplots())
+        return
+    drawn.set_size_inches(WIDTH, 4.2)
+    for plane, ax in zip(("xz", "xy"), drawn.subplots(1, 2), strict=True):
+        plots.reach_map(found, plane, ax=ax)
+    keys = [ax.get_legend() for ax in drawn.axes]
+    kinds: dict[str, Any] = {}
+    for key in keys:
+        if key is not None:
+            words = [text.get_text() for text in key.texts]
+            kinds |= dict(zip(words, key.legend_handles, strict=True))
+            key.remove()
+    place: Options = {"loc": "outside lower center", "ncols": 2}
+    drawn.legend(list(kinds.values()), list(kinds), **place, frameon=False)
+
+
 def _of_census(drawn: Figure, census: Census) -> None:
     rows = min(_MOST_BARS, len(census.sets))
     drawn.set_size_inches(WIDTH, _TITLE_AND_AXIS + ROW * (rows + 1))
@@ -261,6 +307,9 @@ _LAYOUTS: dict[type[Any], Any] = {
     Census: _of_census,
     Capability: _of_capability,
     Comparison: lay_out,
+    PathPlan: _of_plan,
+    BestPosture: _of_posture,
+    FailureTolerantWorkspace: _of_reach,
     Sweep: draw_sweep,
     WorkspaceMap: draw_map,
 }

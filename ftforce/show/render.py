@@ -17,6 +17,9 @@ from ftforce.batch.comparison import Comparison
 from ftforce.batch.result import Sweep
 from ftforce.batch.workspace_map import WorkspaceMap
 from ftforce.core.remap import Remap
+from ftforce.planning.path import PathPlan
+from ftforce.planning.posture import BestPosture
+from ftforce.planning.reach import FailureTolerantWorkspace
 from ftforce.robot.robot import Robot
 from ftforce.show.tables.analysis import analysis_view, remap_view
 from ftforce.show.tables.capability import capability_view
@@ -24,6 +27,9 @@ from ftforce.show.tables.census import census_view
 from ftforce.show.tables.comparison import comparison_view
 from ftforce.show.tables.history import history_view
 from ftforce.show.tables.map import map_view
+from ftforce.show.tables.plan import plan_view
+from ftforce.show.tables.posture import posture_view
+from ftforce.show.tables.reach import reach_view
 from ftforce.show.tables.replication import replication_view
 from ftforce.show.tables.robot import robot_view
 from ftforce.show.tables.sweep import sweep_view
@@ -39,10 +45,13 @@ def render(result: object) -> RenderableType:
 
 
 render.register(Analysis, analysis_view)
+render.register(BestPosture, posture_view)
+render.register(FailureTolerantWorkspace, reach_view)
 render.register(Capability, capability_view)
 render.register(Census, census_view)
 render.register(Comparison, comparison_view)
 render.register(History, history_view)
+render.register(PathPlan, plan_view)
 render.register(Remap, remap_view)
 render.register(Replication, replication_view)
 render.register(Robot, robot_view)

@@ -215,7 +215,7 @@ class Drawn:
         """
         check_word("sampling method", method, _METHODS)
         number = whole_number(count, "the number of postures", 1)
-        _check_seed(seed)
+        check_seed(seed)
         if method == "sobol" and number > _MAX_SOBOL:
             raise InputError(
                 f"a Sobol sequence has at most {_MAX_SOBOL:,} (2**30) postures, got {number:,}; "
@@ -270,7 +270,19 @@ class Drawn:
         return f"{self.count:,} {_WORDS[self.method]} within the limits, seed {self.seed}"
 
 
-def _check_seed(seed: object) -> None:
+def check_seed(seed: object) -> None:
+    """Check the seed of a random generator.
+
+    Parameters
+    ----------
+    seed :
+        The seed.
+
+    Raises
+    ------
+    InputError
+        It is not a non-negative integer.
+    """
     whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, (bool, np.bool_))
     if not (whole and seed >= 0):  # type: ignore[operator]
         raise InputError(f"the seed must be a non-negative integer, got {seed!r}")
