@@ -284,6 +284,7 @@ def draw(number: int, command: str | None = None) -> list[str]:
         option = [] if is_argument else [c.choice(parameter.opts)]
         if getattr(parameter, "is_flag", False):
             words += option if name not in {"help", "debug"} else []  # it shows tracebacks
+            words += ["--export", "page.html"] if name == "open_page" else []  # else it stays open
             continue
         for _ in range(_count(c, name)):
             value = _value(c, name, odd)

@@ -20,7 +20,7 @@ PANELS = {
     "Task and chain": "robot task length joint_length axes base tip srdf args package_path",
     "Tolerances": "rtol wary",
     "Workspace": "cell plane at solid enough",
-    "Page": "history sweep host port no_browser export screenshot",
+    "Page": "history sweep host port no_browser open_page export screenshot",
     "Computation": "keep chunk threads workers scheduler",
     "Output": "rank_by quantity top form output plot debug help",
 }

@@ -30,7 +30,7 @@ EXAMPLES = {
     ),
     "reach": (
         "reach panda --soften --release -o limits.toml --plot reach.svg",
-        "reach dh5 --within limits.toml -o cells.csv",
+        "reach panda --within limits.toml --release -o cells.csv",
     ),
     "plan": (
         "plan panda --to .5,.2,.4 --speed 0.1 --keep-orientation",

@@ -608,6 +608,16 @@ class PlanOutputs(PlotOutputs):
     ] = None
 
 
+OpenOption = Annotated[
+    bool,
+    typer.Option("--open", help="Show it in the browser, until Ctrl-C. Needs the extra view."),
+]
+
+ExportOption = Annotated[
+    Path | None,
+    typer.Option(metavar="SCENE.html", help="Write the page to one file and exit."),
+]
+
 MaximizeOption = Annotated[
     str,
     typer.Option(

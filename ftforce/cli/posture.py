@@ -6,10 +6,12 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    ExportOption,
     ForceOptions,
     FrictionOption,
     LimitsOption,
     MaximizeOption,
+    OpenOption,
     PostureOptions,
     PostureOutputs,
     RobotArgument,
@@ -71,15 +73,19 @@ def posture(
     ] = 128,
     seed: SeedOption = 0,
     top: TopOption = 40,
+    open_page: OpenOption = False,
+    export: ExportOption = None,
 ) -> None:
     """Find the posture that keeps the most after a fault, with the tip at one place.
 
     The worst set of failed joints counts. --q or --posture is what it is
     compared with; collisions are not checked.
     """
+    from ftforce.cli.view import check_pages, show
     from ftforce.planning.posture import best_posture
     from ftforce.show.tables.posture import posture_view
 
+    check_pages(export)
     arm = chain.load(robot, posture_options.posture)
     asked = merged(sets, forces, weight, limits, friction, task_options, tolerances)
     turned = numbers(rpy, "--rpy")
@@ -95,6 +101,11 @@ def posture(
         )  # fmt: skip
     shown = posture_view(found, most=top, degrees=posture_options.deg)
     outputs.emit(shown, found, f"ftforce posture {arm.name}")
+    if open_page or export is not None:
+        from ftforce.view.planned import open_posture
+
+        with open_posture(found) as session:
+            show(session, export=export)
 
 
 def _posture_like(arm: "Robot", like: str, *, degrees: bool) -> "Posture":

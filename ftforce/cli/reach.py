@@ -7,6 +7,8 @@ import typer
 
 from ftforce.cli.options import (
     ChainOptions,
+    ExportOption,
+    OpenOption,
     ReachOutputs,
     RobotArgument,
     SeedOption,
@@ -61,15 +63,19 @@ def reach(
         ),
     ] = None,
     seed: SeedOption = 0,
+    open_page: OpenOption = False,
+    export: ExportOption = None,
 ) -> None:
     """Find the region that the tip reaches whichever joint locks, wherever it is.
 
     What is proved, an estimate, and what is not excluded are given. Ctrl-C ends
     the search; what was found until then is shown. Collisions are not checked.
     """
+    from ftforce.cli.view import check_pages, show
     from ftforce.planning.reach import Search
     from ftforce.show.tables.reach import reach_view
 
+    check_pages(export)
     arm = chain.load(robot)
     corners = numbers(around, "--around")
     box = None
@@ -87,3 +93,8 @@ def reach(
         pass  # the bounds hold, and the result says that it is not whole
     result = search.result()
     outputs.emit(reach_view(result), result, f"ftforce reach {arm.name}")
+    if open_page or export is not None:
+        from ftforce.view.planned import open_reach
+
+        with open_reach(result) as session:
+            show(session, export=export)

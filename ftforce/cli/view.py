@@ -8,6 +8,7 @@ import typer
 from ftforce.cli.options import (
     ChainOptions,
     DriveOptions,
+    ExportOption,
     FaultOptions,
     FrictionOption,
     LimitsOption,
@@ -95,10 +96,7 @@ def view(
             show_default="the first that is free",
         ),
     ] = None,
-    export: Annotated[
-        Path | None,
-        typer.Option(metavar="SCENE.html", help="Write the page to one file and exit."),
-    ] = None,
+    export: ExportOption = None,
     screenshot: Annotated[
         Path | None,
         typer.Option(metavar="FILE.png", help="Write the scene as a picture and exit."),
@@ -114,7 +112,7 @@ def view(
         _refuse_question(context, is_history=history is not None)
     if at is not None and history is None:
         raise typer.BadParameter("--at requires --history")
-    _check_outputs(export, screenshot)
+    check_pages(export, screenshot)
     from ftforce.analysis.question import Question
     from ftforce.robot.formats.xacro import XacroOptions
     from ftforce.view.model.state import Origin, initial_state
@@ -149,12 +147,38 @@ def view(
     with Session(arm, start, host=host, port=port, mode=mode) as session:
         if session.warning:
             typer.echo(f"warning: {session.warning}", err=True)
-        if export is not None or screenshot is not None:
-            _write(session, export, screenshot)
-            return
-        if session.problem:  # same error as `analyze`
-            raise InputError(session.problem)
-        session.run(lambda: _announce(session, no_browser))
+        show(session, export=export, screenshot=screenshot, no_browser=no_browser)
+
+
+def show(
+    session: "Session",
+    *,
+    export: Path | None = None,
+    screenshot: Path | None = None,
+    no_browser: bool = False,
+) -> None:
+    """Write the page or its picture, or else keep it open in the browser until Ctrl-C.
+
+    Parameters
+    ----------
+    session :
+        The page.
+    export, screenshot :
+        Files for the page and its picture.
+    no_browser :
+        Whether the address is only printed.
+
+    Raises
+    ------
+    InputError
+        The question has no answer.
+    """
+    if export is not None or screenshot is not None:
+        _write(session, export, screenshot)
+        return
+    if session.problem:  # same error as `analyze`
+        raise InputError(session.problem)
+    session.run(lambda: _announce(session, no_browser))
 
 
 def _announce(session: "Session", no_browser: bool) -> None:
@@ -171,8 +195,21 @@ def _refuse_question(context: typer.Context, *, is_history: bool) -> None:
         raise typer.BadParameter(f"a {of} determines these itself; leave out {', '.join(named)}")
 
 
-def _check_outputs(export: Path | None, screenshot: Path | None) -> None:
-    """Reject files that could not be written, before the server is started."""
+def check_pages(export: Path | None, screenshot: Path | None = None) -> None:
+    """Reject files that could not be written, before the server is started.
+
+    Parameters
+    ----------
+    export, screenshot :
+        As in `show`.
+
+    Raises
+    ------
+    BadParameter
+        A name has another ending.
+    OutputError
+        The folder does not exist.
+    """
     from ftforce.io.text import is_folder
 
     for path, endings in ((export, (".html", ".htm")), (screenshot, (".png",))):

@@ -136,6 +136,12 @@ class FailureTolerantWorkspace(Displayed):
         return self._volume(self.healthy != LOST)
 
     @property
+    def proved(self) -> Mask:
+        """Whether every point of each cell is shown to tolerate a lock of any joint."""
+        proved: Mask = self.tolerated == KEPT
+        return proved
+
+    @property
     def estimate(self) -> float:
         """Volume of the cells whose middles tolerate a lock of any joint, m³ or m²."""
         return self._volume(self.tolerated_middles)
