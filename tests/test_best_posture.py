@@ -95,6 +95,7 @@ def test_best_posture_of_a_planar_arm_is_that_of_a_grid(measure, bound):
         assert_allclose(best, own[0], rtol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["panda", "canadarm2", "srs", "tiago", "dh5"])
 def test_no_posture_of_a_finer_trace_is_better(name):
     """The other search: finer, from other starts, and every Jacobian by Pinocchio."""
@@ -134,6 +135,7 @@ def test_tip_stays_and_every_set_is_as_the_census_says(panda):
     assert_allclose(found.gains, found.measured_after - found.measured_before)
 
 
+@pytest.mark.thorough
 def test_worst_manipulability_never_exceeds_the_bound(panda):
     rng, low, high = np.random.default_rng(8), *panda.ranges
     for _ in range(campaign(100, 3)):

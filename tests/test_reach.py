@@ -141,6 +141,7 @@ def test_softened_limits_tolerate_a_box_first(arm, monkeypatch):
     assert_allclose(found.around, box)
 
 
+@pytest.mark.thorough
 def test_a_wrist_on_the_axis_of_the_last_joint_costs_nothing():
     """The arm with spherical shoulder and wrist tolerates locks at points, not at poses."""
     within = {4: (1.3, 1.6), **dict.fromkeys((1, 2, 3, 5, 6), (-0.5, 0.5))}

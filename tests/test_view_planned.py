@@ -30,6 +30,7 @@ def test_the_page_of_a_best_posture_has_its_worst_set_and_its_self_motion():
         assert len(np.unique(np.asarray(fan.colors).reshape(-1, 3), axis=0)) > 5
 
 
+@pytest.mark.thorough
 def test_the_page_of_a_reach_has_the_cells_that_every_lock_leaves():
     limits = [(-0.356, 0.356), (-1.79, 1.79), (-1.93, 1.93)]
     found = ftforce.reach(planar("continuous"), within=limits, release=True, cell=0.2)
