@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import ftforce
+from ftforce.core.measures import relative_manipulability, worst_manipulability_bound
 from ftforce.errors import InputError
 from ftforce.planning.self_motion import self_motion
 from ftforce.show.render import to_text
@@ -94,6 +95,7 @@ def test_best_posture_of_a_planar_arm_is_that_of_a_grid(measure, bound):
         assert_allclose(best, own[0], rtol=1e-9)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["panda", "canadarm2", "srs", "tiago", "dh5"])
 def test_no_posture_of_a_finer_trace_is_better(name):
     """The other search: finer, from other starts, and every Jacobian by Pinocchio."""
@@ -133,6 +135,7 @@ def test_tip_stays_and_every_set_is_as_the_census_says(panda):
     assert_allclose(found.gains, found.measured_after - found.measured_before)
 
 
+@pytest.mark.thorough
 def test_worst_manipulability_never_exceeds_the_bound(panda):
     rng, low, high = np.random.default_rng(8), *panda.ranges
     for _ in range(campaign(100, 3)):
@@ -263,3 +266,21 @@ def test_task_in_which_every_posture_loses_all_says_so():
     found = ftforce.best_posture(planar(), (1.5, 0.0, 0.0), restarts=8)  # no force along z
     assert found.measured_after.max() <= 1e-9
     assert any("another task" in warning for warning in found.warnings)
+
+
+@pytest.mark.parametrize(("m", "n", "bound"), [(2, 3, 0.577), (3, 4, 0.500), (6, 7, 0.378)])
+def test_random_jacobians_come_close_to_the_bound_and_never_exceed_it(m, n, bound):
+    """√((n-m)/n), Roberts & Maciejewski 1996; found by a climb from random Jacobians."""
+    rng = np.random.default_rng(m)
+
+    best, J, step = 0.0, rng.normal(size=(m, n)), 0.5
+    for _ in range(1500):
+        tried = J + step * rng.normal(size=J.shape)
+        if (value := worst_by_numpy(tried[None], "rho")[0]) > best:
+            best, J = value, tried
+        else:
+            step = max(0.995 * step, 1e-3)
+    assert worst_manipulability_bound(n, m, 1) == pytest.approx(bound, abs=5e-4)
+    assert 0.97 * bound <= best <= bound + 5e-4
+    sets = [ftforce.remap(J, np.ones(n), [k == i for k in range(n)]) for i in range(n)]
+    assert min(relative_manipulability(one.reduced) for one in sets) == pytest.approx(best)

@@ -87,6 +87,7 @@ def test_no_posture_of_a_dense_search_does_much_better(panda, posed):
     assert posed.before.value.min() < 0.6 * posed.after.value.min()
 
 
+@pytest.mark.thorough
 def test_freedom_to_turn_the_tip_costs_nothing(panda, posed):
     """A path that keeps the orientation is one of those that need not."""
     found = plan(panda, LINE, waypoints=15)
@@ -136,6 +137,7 @@ def test_a_path_that_is_too_fast_tells_where_and_how_much(panda):
     assert (np.abs(found.motion().v) <= velocity * (1.0 + 1e-9)).all()
 
 
+@pytest.mark.thorough
 def test_accelerations_are_kept(panda):
     usual = plan(panda, LINE, waypoints=8)
     most = 0.3 * np.abs(usual.motion().a).max()
@@ -174,6 +176,7 @@ def test_a_malformed_question_is_one_clear_line(panda, asked, message):
         plan(panda, LINE, **asked)
 
 
+@pytest.mark.thorough
 def test_a_waypoint_out_of_reach_tells_how_far(panda):
     far = Path.through([(0.5, 0.0, 0.4), (1.2, 0.0, 0.4)], speed=0.1)
     with pytest.raises(ftforce.FtforceError, match=r"waypoint \d of 6, .* misses it by .* m"):
@@ -194,6 +197,7 @@ def test_command_writes_what_simulate_reads(tmp_path):
         assert result.margin.min() == pytest.approx(written["after"]["value"], rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_in_mujoco_only_the_planned_arm_keeps_the_force():
     """Joints 1 and 2 of the paper's arm lock at the instant at which the usual path is worst."""
     arm = ftforce.load_robot("dh5")

@@ -41,6 +41,7 @@ def test_the_path_ends_where_the_damaged_arm_is_stretched():
     assert found.breaks.slow_down == 1.0
 
 
+@pytest.mark.thorough
 def test_no_posture_of_the_damaged_arm_comes_closer(panda):
     """Local searches of SciPy, from where the tip is off its path, end there too."""
     found = plan(panda, POSE, locked="4@-1.2", waypoints=8)
@@ -146,6 +147,7 @@ def test_guarantee_is_that_of_the_triangle_inequality(length):
     assert len(found.guarantee.broken) == (~found.guarantee.holds).sum()
 
 
+@pytest.mark.thorough
 def test_a_path_is_preferred_that_every_lock_leaves():
     """The path of the largest margin folds joint 3 so far that its lock ends the task."""
     line = Path.through([(0.8, 0.6, 0.0), (2.3, 0.0, 0.0)], speed=0.05)
@@ -173,6 +175,7 @@ def test_a_force_is_kept_if_it_can_be_commanded(panda, limits):
         assert 0 < seen.sum() < len(q)
 
 
+@pytest.mark.thorough
 def test_a_force_that_cannot_be_kept_is_a_reason(panda):
     line = Path.through([(0.5, -0.1, 0.4), (0.5, 0.1, 0.4)], speed=0.1)
     asked = {"guarantee": True, "waypoints": 5, "limits": "urdf", "axes": "world"}

@@ -13,6 +13,7 @@ from ftforce.planning import soften
 from ftforce.planning.joint_ranges import JointRanges
 from ftforce.planning.reach import KEPT, LOST, Search
 from ftforce.show.plots import reach_map
+from helpers import campaign
 from test_cli import run
 from test_self_motion import planar, srs
 
@@ -107,19 +108,24 @@ def test_no_random_posture_reaches_an_excluded_cell(arm, coarse):
     assert (coarse.healthy[tuple(cells.T)] != LOST).all()
 
 
-@pytest.mark.thorough  # the search for limits takes ten seconds
-def test_softened_limits_tolerate_as_much_as_the_published_ones(arm):
-    """At least 3.5 m², by a grid of the triangle inequality; the published limits have 3.52 m²."""
+@pytest.mark.thorough  # the search for limits takes seconds
+def test_softened_limits_tolerate_as_much_as_the_published_ones(arm, monkeypatch):
+    """By a grid of the triangle inequality; the published limits have 3.52 m².
+
+    At least 3.5 m² are found; a shorter search finds a little less.
+    """
+    monkeypatch.setattr(soften, "_POINTS", {2: campaign(4000, 1500)})
+    monkeypatch.setattr(soften, "_GENERATIONS", campaign(80, 40))
     search = Search.of(arm, soften=True, release=True)
     search.soften()
     own, within = np.column_stack(arm.ranges), search.ranges.swept
     assert (within >= own[:, :1] - 1e-9).all()
     assert (within <= own[:, 1:] + 1e-9).all()
-    edge = 0.03
+    edge = 0.04
     line = np.arange(-3.0, 3.0, edge)
     points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     assert tolerated(points).sum() * edge**2 == pytest.approx(3.52, abs=0.05)
-    assert tolerated(points, within).sum() * edge**2 >= 3.5
+    assert tolerated(points, within).sum() * edge**2 >= campaign(350, 345) / 100
 
 
 def test_softened_limits_tolerate_a_box_first(arm, monkeypatch):
@@ -135,6 +141,7 @@ def test_softened_limits_tolerate_a_box_first(arm, monkeypatch):
     assert_allclose(found.around, box)
 
 
+@pytest.mark.thorough
 def test_a_wrist_on_the_axis_of_the_last_joint_costs_nothing():
     """The arm with spherical shoulder and wrist tolerates locks at points, not at poses."""
     within = {4: (1.3, 1.6), **dict.fromkeys((1, 2, 3, 5, 6), (-0.5, 0.5))}

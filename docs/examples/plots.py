@@ -30,6 +30,11 @@ def draw(folder: Path) -> None:
     save_figure(instants, folder / "timeline.svg")
     across = Line.through([(0.5, -0.2, 0.4), (0.5, 0.2, 0.4)], speed=0.1, keep_orientation=True)
     save_figure(ftforce.plan(arm, across), folder / "plan.svg")
+    paper = ftforce.load_robot("dh5")
+    tool = Line.through([(0.9471, 0.2197, 0.1693), (0.8548, 0.3804, 0.2308)], speed=0.15)
+    asked = {"force": [80.0, 50.0, 10.0], "axes": "world", "faults": 2, "waypoints": 20}
+    lasting = ftforce.plan(paper, tool, maximize="jump", **asked)
+    save_figure(lasting, folder / "plan-lock.svg")
     save_figure(ftforce.best_posture(arm, like="default"), folder / "posture.svg")
     save_figure(ftforce.reach(arm, soften=True, release=True), folder / "reach.svg")
     sets = ftforce.census(arm, faults=2, mode="free", **push)
