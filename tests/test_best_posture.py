@@ -86,7 +86,7 @@ def test_best_posture_of_a_planar_arm_is_that_of_a_grid(measure, bound):
     for _ in range(campaign(40, 3)):
         r, angle = rng.uniform(0.5, 2.4), rng.uniform(-1.5, 1.5)
         x, y = r * math.cos(angle), r * math.sin(angle)
-        found = ftforce.best_posture(arm, (x, y, 0.0), maximize=measure, task="fx,fy", restarts=24)
+        found = ftforce.best_posture(arm, (x, y, 0.0), maximize=measure, task="fx,fy")
         worst = worst_by_numpy(jacobians_of_planar(grid_of_planar(x, y, bound)), measure)
         best = found.measured_after.min()
         assert best >= worst.max() * (1.0 - 1e-3)
@@ -104,7 +104,7 @@ def test_no_posture_of_a_finer_trace_is_better(name):
     for seed in range(campaign(40, 1)):
         q = middle + half * np.random.default_rng(seed).uniform(-1.0, 1.0, arm.n)
         place = {"at": arm_tip(arm, q)} if name == "dh5" else {"like": q}
-        found = ftforce.best_posture(arm, **place, task="fx,fz", restarts=24)
+        found = ftforce.best_posture(arm, **place, task="fx,fz", restarts=campaign(128, 24))
         motion = found.self_motion
         coarser = None if motion.dimension == 1 else 0.8 * motion.step
         finer = self_motion(
